@@ -15,7 +15,8 @@ from skyway.planner.drone_choice import candidates
 from skyway.planner.explain import alternatives
 from skyway.planner.parameters.planner import USUAL
 from skyway.planner.problem.objective import Objective
-from skyway.planner.problem.problem import HORIZON_H, Problem, check_apart
+from skyway.planner.problem.problem import HORIZON_H, Problem
+from skyway.planner.problem.request_checks import check_apart
 from skyway.planner.registry import CLAIRVOYANT_PLANNERS, PLANNERS, ROBUST
 from skyway.planner.result import Comparison, PlanResult
 from skyway.planner.robust.robust import RobustSearch

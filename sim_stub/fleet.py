@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from selectors import BaseSelector
 
     from skyway.models.drones.drone import Drone
-    from skyway.models.network.network import Station
+    from skyway.models.network.station import Station
     from skyway.models.queues.load import PadLoad
     from skyway.sim_stub.faults import Fault
     from skyway.sim_stub.plant.wind_truth import WindTruth

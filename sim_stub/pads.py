@@ -23,7 +23,7 @@ from skyway.sim_stub.faults import AT_STATIONS
 from skyway.sim_stub.vehicle import Charge
 
 if TYPE_CHECKING:
-    from skyway.models.network.network import Station
+    from skyway.models.network.station import Station
     from skyway.models.queues.load import PadLoad
     from skyway.sim_stub.faults import Fault
     from skyway.sim_stub.vehicle import Vehicle

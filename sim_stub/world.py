@@ -18,7 +18,7 @@ from skyway.sim_stub.vehicle import Vehicle
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from skyway.models.network.network import Station
+    from skyway.models.network.station import Station
     from skyway.sim_stub.config import VehicleConfig
     from skyway.sim_stub.pads import Pads
 

@@ -21,16 +21,16 @@ if TYPE_CHECKING:
     from skyway.models.base.errors import NoRouteError as NoRouteError
     from skyway.models.base.errors import SkywayError as SkywayError
     from skyway.models.composition.composition import Composition as Composition
-    from skyway.models.composition.composition import DroneService as DroneService
     from skyway.models.composition.composition import State as State
-    from skyway.models.composition.composition import Stop as Stop
     from skyway.models.composition.file import load as load_composition
     from skyway.models.composition.file import save as save_composition
+    from skyway.models.composition.service import DroneService as DroneService
+    from skyway.models.composition.service import Stop as Stop
     from skyway.models.drones.drone import Drone as Drone
     from skyway.models.flight.rules import FlightRules as FlightRules
-    from skyway.models.network.network import ConnectionRule as ConnectionRule
     from skyway.models.network.network import Network as Network
-    from skyway.models.network.network import Station as Station
+    from skyway.models.network.station import ConnectionRule as ConnectionRule
+    from skyway.models.network.station import Station as Station
     from skyway.models.queues.load import PadLoad as PadLoad
     from skyway.models.scenario.file import read_scenario as read_scenario
     from skyway.models.scenario.scenario import Scenario as Scenario

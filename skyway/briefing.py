@@ -30,7 +30,8 @@ from skyway.report.svg import safe
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from skyway.models.composition.composition import Composition, DroneService
+    from skyway.models.composition.composition import Composition
+    from skyway.models.composition.service import DroneService
     from skyway.models.scenario.scenario import Scenario
     from skyway.report.map import Place
 

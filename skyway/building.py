@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from os import PathLike
 
     from skyway.models.airspace.airspace import Airspace
-    from skyway.models.network.network import ConnectionRule
+    from skyway.models.network.station import ConnectionRule
     from skyway.models.scenario.tariff import Tariff
     from skyway.models.wind.history import WindHistory
 

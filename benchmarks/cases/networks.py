@@ -14,13 +14,14 @@ from skyway.missions.examples import NEW_YORK
 from skyway.models.base import geodesy
 from skyway.models.drones.drone import M200_V2
 from skyway.models.network.builders import build_network
-from skyway.models.network.network import ConnectionRule, Network, Station
+from skyway.models.network.station import ConnectionRule, Station
 from skyway.models.queues.load import PadLoad
 from skyway.models.scenario.file import read_scenario
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from skyway.models.network.network import Network
     from skyway.models.scenario.scenario import Scenario
 
 CENTRE = 40.73, -73.97

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import importlib.util
 import time
+from typing import TYPE_CHECKING
 
 import numpy as np
 import shapely
@@ -18,7 +19,10 @@ from skyway.models.airspace.airspace import USUAL_HEIGHT_MARGIN_M, USUAL_MARGIN_
 from skyway.models.airspace.limits import GROUND, NO_CEILING, Limit
 from skyway.models.airspace.zone import Kind, Volume, Zone
 from skyway.models.network.builders import build_network
-from skyway.models.network.network import ConnectionRule, Network, Station
+from skyway.models.network.station import ConnectionRule, Station
+
+if TYPE_CHECKING:
+    from skyway.models.network.network import Network
 
 STATIONS, ZONES, CORNERS = 1_000, 10_000, 64
 TARGET_S, RATIO = 5.0, 1.0

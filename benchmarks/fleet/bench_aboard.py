@@ -1,4 +1,4 @@
-"""The same orders and drones planned one package a flight and in tours: what is served in time, energy, time in flight, drones."""
+"""Comparison of plans of the same orders and drones with one package per flight and as tours: orders served in time, energy, flight time, drones."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ NAMES = ("served in time", "energy for each, Wh", "flying for each, min", "drone
 
 
 def one_station(seed: int, drones: int, orders: int, utilisation: float) -> Work:
-    """Orders of an hour that all begin at one station of New York, where all drones stand, to any of the 15 nearest stations."""
+    """Return orders of an hour that all begin at one station of New York, where all drones stand, to any of the 15 nearest stations."""
     scenario = city(seed, 1, 1, utilisation, START).scenario
     network, rng = scenario.network, np.random.default_rng(seed)
     home = next(one for one in network.stations if one.id == HOME)
@@ -55,7 +55,7 @@ def one_station(seed: int, drones: int, orders: int, utilisation: float) -> Work
 
 
 def figures_of(plan: DispatchPlan) -> NDArray[np.float64]:
-    """Return what `NAMES` name."""
+    """Return the values of `NAMES`."""
     flown_s = sum((one.end - one.begin).total_seconds() for route in plan.routes for one in route.steps if one.kind == "fly")  # fmt: skip
     served = plan.served
     in_time = served - plan.late

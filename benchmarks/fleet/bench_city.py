@@ -1,4 +1,4 @@
-"""New York: 200 drones and 300 orders in an hour, planned together, one after another, and each as if alone; flown where strangers charge, too."""
+"""New York: 200 drones and 300 orders in an hour, planned jointly, one after another, and each alone; flown with other drones at the pads."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from skyway.models.orders.order import Order, Vehicle
 from skyway.models.queues.load import PadLoad
 from skyway.models.scenario.file import read_scenario
 from skyway.planner.capacity.execution import carry_out, strangers
-from skyway.planner.dispatch.dispatch import dispatch, told
+from skyway.planner.dispatch.dispatch import dispatch, result_of
 from skyway.planner.dispatch.flights import lay_out_problem
 from skyway.planner.dispatch.search import Search
 from skyway.planner.parameters.planner import USUAL
@@ -24,7 +24,7 @@ MAX_LATE_S = 1800.0
 
 
 def city(seed: int, drones: int, orders: int, utilisation: float, start: datetime = START) -> Work:
-    """New York with so many drones, and orders over an hour, and strangers who keep so much of the pads busy."""
+    """Return New York with numbers of drones, and orders over an hour, and other drones that occupy a share of the pads."""
     scenario = read_scenario(NEW_YORK)
     rng = np.random.default_rng(seed)
     pads = np.maximum(scenario.network.pads, 1)
@@ -61,14 +61,14 @@ def main() -> None:
     first_come = Search(laid.problem, USUAL.dispatch)
     for order in np.argsort(laid.problem.orders.ready_s):
         first_come.insert_best(int(order))
-    plans["first come, first served"] = tuple(told(work, laid, first_come)[0])
+    plans["first come, first served"] = tuple(result_of(work, laid, first_come)[0])
     flights = laid.problem.flights
     many = np.where(flights.pads > 0, options.drones, 0)
     roomy = replace(laid.problem, flights=flights._replace(pads=many, first_pad=np.cumsum(many) - many))
     alone = Search(roomy, USUAL.dispatch)
     for order in np.argsort(laid.problem.orders.ready_s):
         alone.insert_best(int(order))
-    plans["each as if alone"] = tuple(told(work, replace(laid, problem=roomy), alone)[0])
+    plans["each as if alone"] = tuple(result_of(work, replace(laid, problem=roomy), alone)[0])
     network, load = work.scenario.network, work.scenario.load
     pads = {one.id: one.pads for one in network.stations if one.pads}
     ready = {one.id: one.ready.timestamp() for one in work.orders}

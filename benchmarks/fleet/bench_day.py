@@ -1,13 +1,14 @@
-"""A day of a fleet, flown in simulation with faults: nothing booked twice, nothing lost, no drone stranded, no order forgotten.
+"""A day of a fleet, flown in simulation with faults: no double booking, no lost order or package, no stranded drone.
 
 Two operators share one PostgreSQL ledger, each with half of the drones, a dispatcher, workers and a simulated world of its own, whose times
-differ by a minute at most; other drones use the pads as well. The wind is that of a day of the record that no forecast knows. Drones fall, pads are dead, workers and dispatchers are killed,
-the database is killed and started again, and the network of one operator is cut. What is found is written as it goes: a line a minute into
+differ by a minute at most; other drones use the pads as well. The wind is that of a day of the record that no forecast contains. Drones crash,
+pads fail, workers and dispatchers are killed, the database is killed and restarted, and the network of one operator is interrupted. Results are
+written during the run: a line per minute into
 ``progress.jsonl``, each fault into ``faults.jsonl``, and at the end each order into ``orders.csv``.
 
 ``python -m benchmarks.fleet.bench_day --drones 200 --hours 24 --seed 1``; with ``--minutes``, and on
-Ctrl-C or SIGTERM, it ends before, and judges what there is. All
-that it has started ends with it.
+Ctrl-C or SIGTERM, it ends earlier, and evaluates the results so far. All
+processes that it has started end with it.
 """
 
 from __future__ import annotations
@@ -46,7 +47,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
 DAY = "2013-04-18T06:00"
-"""Where the day begins, local time; its wind is in no forecast."""
+"""Beginning of the day, local time; its wind is in no forecast."""
 NAMES = ("north", "south")
 LOOK_WALL_S, TELL_WALL_S = 5.0, 60.0
 
@@ -62,9 +63,9 @@ class Day:
         self.operators: list[Operator] = []
         self.faults: list[Faults] = []
         self.strayed: dict[str, set[str]] = {}
-        """Of each operator, drones that did not stand where its desk has them, when they were looked at last."""
+        """Of each operator, drones that were not at their station of the desk at the last check."""
         self.astray: list[str] = []
-        self.told_to_end = False
+        self.ends_early = False
         for number, name in enumerate(NAMES):
             ledger = self.network.address if number == 0 else uri
             words = ("--time-limit", "1", "--iterations", str(given.iterations))
@@ -89,37 +90,37 @@ class Day:
         self.pace = Pace({one.name: one.address for one in self.operators})
 
     def run(self) -> bool:
-        """Fly the day; returns whether both operators came to its end."""
+        """Fly the day; return whether both operators reached its end."""
         with lifeline() as environment:
             environment |= {"OPENBLAS_NUM_THREADS": "1"}
             for one in self.operators:
                 one.start(environment)
             self.pace.start()
             end_s = time.monotonic() + 60.0 * self.given.minutes
-            told_s = -TELL_WALL_S
-            while time.monotonic() < end_s and not self.told_to_end:
+            written_s = -TELL_WALL_S
+            while time.monotonic() < end_s and not self.ends_early:
                 over = [one.ended(environment) for one in self.operators]
                 for one, faults in zip(self.operators, self.faults, strict=True):
                     one.pids("")
                     found = one.look()
                     if found is not None:
                         faults.look(found[0])
-                if time.monotonic() >= told_s + TELL_WALL_S or all(over):
-                    told_s = time.monotonic()
-                    self.tell()
+                if time.monotonic() >= written_s + TELL_WALL_S or all(over):
+                    written_s = time.monotonic()
+                    self.write_progress()
                 if all(over):
                     return True
                 time.sleep(LOOK_WALL_S)
-            self.tell()
+            self.write_progress()
             self.stop()
         return False
 
     def end(self, *_: object) -> None:
-        """End the day before its time; what was found until then is judged."""
-        self.told_to_end = True
+        """End the day early; the results so far are evaluated."""
+        self.ends_early = True
 
     def stop(self) -> None:
-        """Stop all processes of a day that is not over, so that the ledger stands still while it is judged."""
+        """Stop all processes of an unfinished day, so that the ledger does not change during the evaluation."""
         self.pace.stop()
         for one in self.operators:
             one.kill()
@@ -128,36 +129,36 @@ class Day:
                     with contextlib.suppress(ProcessLookupError):
                         os.kill(pid, signal.SIGKILL)
 
-    def tell(self) -> None:
-        """Write how far the day is."""
+    def write_progress(self) -> None:
+        """Write the progress of the day."""
         for one, faults in zip(self.operators, self.faults, strict=True):
             found = one.look()
-            told: dict[str, Any] = {"wall": time.strftime("%H:%M:%S"), "operator": one.name}
+            line: dict[str, Any] = {"wall": time.strftime("%H:%M:%S"), "operator": one.name}
             try:
                 with open_ledger(one.outside) as book:
                     status = status_of(Desk(book, one.name))
             except SkywayError as error:
-                told["error"] = str(error)
+                line["error"] = str(error)
             else:
-                told |= {
+                line |= {
                     "orders": dict(Counter(state for state, _ in status.orders.values())),
                     "drones": dict(Counter(state for state, _ in status.drones.values())),
                     "flights": len(status.flights), "changes": len(status.changes),
                 }  # fmt: skip
                 if found is not None:
                     self._look_for_astray(one, found[1])
-            told |= {
+            line |= {
                 "at_h": None if found is None else round(found[0] / 3600.0, 3), "air_h": round(one.air_h(), 2),
                 "cpu_s": {kind: round(sum(used for (name, _), used in one.cpu_s.items() if name == kind), 1) for kind in ("run", "worker", "world")},
                 "faults": {kind: count for kind, count in faults.done.items() if count}, "starts": one.starts,
                 "astray": len(self.astray),
             }  # fmt: skip
             with (self.folder / "progress.jsonl").open("a", encoding="utf-8") as file:
-                file.write(json.dumps(told) + "\n")
-            print(json.dumps(told), flush=True)
+                file.write(json.dumps(line) + "\n")
+            print(json.dumps(line), flush=True)
 
     def _look_for_astray(self, one: Operator, truth: dict[str, Any]) -> None:
-        """Drones that stand, by the desk, must stand there; one that does not, twice in a row, is astray."""
+        """Check that drones that stand, by the desk, stand there; one that does not, twice in a row, is astray."""
         with open_ledger(one.outside) as book:
             drones = Board(Desk(book, one.name)).read("drone", DroneRecord)
         now = {
@@ -173,7 +174,7 @@ class Day:
         self.strayed[one.name] = now
 
     def judged(self, *, over: bool) -> int:
-        """Print what was found; returns how many things are wrong."""
+        """Print the findings; return the number of violations."""
         wrong: list[str] = [f"drone {name} does not stand where its desk has it" for name in self.astray]
         with open_ledger(self.uri) as book:
             wrong += audit(book)
@@ -201,7 +202,7 @@ class Day:
 
 
 def main() -> None:
-    """Fly a day and judge it."""
+    """Fly a day and evaluate it."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--drones", type=int, default=200)
     parser.add_argument("--hours", type=float, default=24.0, help="orders come for so long")

@@ -1,4 +1,4 @@
-"""Tours against published solutions of electric routing problems, judged by code that shares none with the solver."""
+"""Tours against published solutions of electric vehicle routing problems, checked by code that shares none with the solver."""
 
 from __future__ import annotations
 
@@ -12,17 +12,17 @@ from skyway.planner.parameters.tours import ToursParameters
 from skyway.planner.tours.solve import solve
 
 TUNED_ON = ("r105_21", "r201_21", "r208_21", "rc105_21", "rc201_21")
-"""Instances on which the numbers of `planner.parameters.tours` were set."""
+"""Instances used to tune the parameters of `planner.parameters.tours`."""
 NARROW, WIDE = 500_000, 250_000
-"""Iterations for instances with narrow and wide windows: half a minute of one processor, about."""
+"""Iterations for instances with narrow and wide windows: about half a minute of one processor."""
 
 
 def judge_evrptw(name: str, *, share: float, seed: int) -> float:
-    """Solve an instance and print a line; returns the gap to the best known distance, infinite with more vehicles or a fault."""
+    """Solve an instance and print a line; return the gap to the best known distance, infinite with more vehicles or a fault."""
     instance, known = evrptw.read(name), evrptw.best_known()[name]
     tours, nodes, stations = evrptw.tours_of(instance)
     iterations = int(share * (WIDE if "2" in name.split("_", maxsplit=1)[0][:-2] else NARROW))
-    solve(tours, ToursParameters(), iterations=1)  # compiles
+    solve(tours, ToursParameters(), iterations=1)  # compiles the kernels
     started = time.process_time()
     search = solve(tours, ToursParameters(), seed=seed, time_limit_s=1e6, iterations=iterations, fewest_vehicles=True)
     took_s = time.process_time() - started
@@ -39,7 +39,7 @@ def judge_evrptw(name: str, *, share: float, seed: int) -> float:
 
 
 def judge_small(name: str) -> float:
-    """Solve a small instance and prove its optimum; prints a line, returns the gap."""
+    """Solve a small instance and prove its optimum; print a line, return the gap."""
     instance = evrptw.read(name)
     tours, nodes, stations = evrptw.tours_of(instance)
     search = solve(tours, ToursParameters(), time_limit_s=1e6, iterations=20_000, fewest_vehicles=True)
@@ -55,7 +55,7 @@ def judge_small(name: str) -> float:
 
 
 def judge_overnight(name: str, *, share: float, seed: int) -> float:
-    """Solve an instance with few chargers at the depot; prints a line, returns the gap to the authors' cost, infinite with a fault."""
+    """Solve an instance with few chargers at the depot; print a line, return the gap to the authors' cost, infinite with a fault."""
     instance, known = overnight.read(name), overnight.published(name)
     tours, number = overnight.tours_of(instance)
     solve(tours, ToursParameters(), iterations=1)
@@ -74,7 +74,7 @@ def judge_overnight(name: str, *, share: float, seed: int) -> float:
 
 
 def main() -> None:
-    """Print a line for each instance, and what the gaps are together."""
+    """Print a line for each instance, and a summary of the gaps."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--share", type=float, default=1.0, help="share of the usual iterations")
     parser.add_argument("--seed", type=int, default=1, help="of the search")

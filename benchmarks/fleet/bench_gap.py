@@ -1,4 +1,4 @@
-"""How far the dispatcher's plans are from the proved optimum, on small problems in whole steps."""
+"""Gap of the dispatcher's plans to the proved optimum, on small problems in whole steps."""
 
 from __future__ import annotations
 
@@ -29,8 +29,8 @@ def main() -> None:
     parser.add_argument("--each", type=int, default=20, help="problems of each size")
     parser.add_argument("--first", type=int, default=1000, help="seed of the first problem")
     parser.add_argument("--seconds", type=float, default=3.0, help="time of the dispatcher for each")
-    parser.add_argument("--iterations", type=int, default=10**9, help="it ends after so many, too")
-    parser.add_argument("--sizes", type=int, default=len(SIZES), help="so many of the sizes, the smallest first")
+    parser.add_argument("--iterations", type=int, default=10**9, help="maximum number of iterations")
+    parser.add_argument("--sizes", type=int, default=len(SIZES), help="number of sizes, the smallest first")
     parser.add_argument("--limit", type=float, default=60.0, help="time of the referee for each")
     options = parser.parse_args()
     every: list[float] = []

@@ -1,4 +1,4 @@
-"""How many whole itineraries a ledger books in a second when 16 clients want the same 40 pads."""
+"""Rate at which a ledger books whole itineraries when 16 clients want the same 40 pads."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import tempfile
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from benchmarks.fleet.ledger_load import STOPS, Load, postgresql_server, run, told_booked
+from benchmarks.fleet.ledger_load import STOPS, Load, confirmed_bookings, postgresql_server, run
 from skyway.models.ledger.audit import audit
 from skyway.models.ledger.opening import open_ledger
 
@@ -19,7 +19,7 @@ WANTED = {"SQLite": 1000.0, "PostgreSQL": 300.0}
 
 
 def measure(store: str, count: int, kill: int = 0, parts: int = 1) -> Iterator[Load]:
-    """Load one store in parts, and look through its history after each; with `kill` so many clients of a part are killed, and the server of PostgreSQL once."""
+    """Load one store in parts, and check its history after each; with `kill`, this number of clients of a part are killed, and the server of PostgreSQL once."""
     with tempfile.TemporaryDirectory() as folder:
         if store == "SQLite":
             for part in range(parts):
@@ -40,7 +40,7 @@ def _audited(
         for one in ledger.holds():
             stops[one.itinerary] = stops.get(one.itinerary, 0) + 1
     found += [f"{one} is booked half" for one, many in stops.items() if many != STOPS]
-    found += [f"{one} is lost" for one in told_booked(folder) - stops.keys()]
+    found += [f"{one} is lost" for one in confirmed_bookings(folder) - stops.keys()]
     if found:
         raise AssertionError(found[0])
     return load

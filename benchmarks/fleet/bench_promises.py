@@ -1,4 +1,4 @@
-"""New York: the probabilities with which orders are promised, and what becomes of them on days that were not forecast, flown by a simulation of its own."""
+"""New York: the probabilities with which orders are promised, and their outcome on days that were not forecast, flown by an independent simulation."""
 
 from __future__ import annotations
 
@@ -23,12 +23,12 @@ RESERVE = 0.2
 
 
 def main() -> None:
-    """Print stated probabilities beside what came."""
+    """Print stated probabilities beside observed frequencies."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--drones", type=int, default=200)
     parser.add_argument("--orders", type=int, default=300)
     parser.add_argument("--utilisation", type=float, default=0.7, help="of the pads, by strangers")
-    parser.add_argument("--iterations", type=int, default=100, help="changes tried in each plan")
+    parser.add_argument("--iterations", type=int, default=100, help="iterations in each plan")
     parser.add_argument("--days", type=int, default=40)
     parser.add_argument("--start", default="2013-07-10T14:00+00:00")
     parser.add_argument("--seed", type=int, default=1)
@@ -38,7 +38,7 @@ def main() -> None:
     prompt = replace(USUAL, dispatch=replace(USUAL.dispatch, max_late_s=0.0))
     rows: list[tuple[int, float, bool, float]] = []
     landings: list[float] = []
-    told_below, spent_s = [], 0.0
+    stated_below, spent_s = [], 0.0
     random = np.random.default_rng(options.seed)
     dates = [start.date() + timedelta(days=int(one) - 30) for one in random.permutation(61)]
     for number, day in enumerate(dates):
@@ -63,16 +63,16 @@ def main() -> None:
                 late = np.nan if one.outlook.p95 is None else float(at_s <= one.outlook.p95.timestamp())
                 rows.append((number, one.outlook.chance, at_s <= due[one.order], late))
         landings += truth.landings
-        told_below.append(plan.below_reserve or 0.0)
+        stated_below.append(plan.below_reserve or 0.0)
         own = [one for one in rows if one[0] == number]
         print(f"{day}: {len(own)} promised, stated {np.mean([one[1] for one in own]):.3f}, kept {np.mean([one[2] for one in own]):.3f}", flush=True)  # fmt: skip
     _show(rows)
     below = np.mean(np.array(landings) < RESERVE - BELOW)
-    print(f"  landings below the reserve: {100 * below:.3f} % of {len(landings)}, stated {100 * np.mean(told_below):.3f} %; worlds take {spent_s / len(told_below):.2f} s of a processor a plan")  # fmt: skip
+    print(f"  landings below the reserve: {100 * below:.3f} % of {len(landings)}, stated {100 * np.mean(stated_below):.3f} %; worlds take {spent_s / len(stated_below):.2f} s of a processor a plan")  # fmt: skip
 
 
 def _show(rows: list[tuple[int, float, bool, float]]) -> None:
-    """Print what all days come to."""
+    """Print the result over all days."""
     days, stated, kept, late = np.array(rows).T
     rest = np.array([(kept - stated)[days == one].sum() for one in np.unique(days)])
     error = np.sqrt((rest**2).sum() * len(rest) / (len(rest) - 1)) / len(kept)

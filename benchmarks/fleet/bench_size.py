@@ -1,4 +1,4 @@
-"""How long a fleet is planned as it grows, and how long one change takes: an order more in a plan that there is."""
+"""Planning time of a fleet over its size, and time of one change: an additional order in an existing plan."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ if TYPE_CHECKING:
     from skyway.models.orders.fitting import Work
 
 HOURS, ORDERS = 9.0, 1.5
-"""Orders come over so many hours, so many for each drone."""
+"""Hours over which orders arrive, and orders for each drone."""
 
 
 def spread(work: Work, hours: float) -> Work:
-    """Spread orders of an hour over some."""
+    """Spread orders of an hour over some hours."""
     orders = []
     for one in work.orders:
         later = (one.ready - START) * (hours - 1.0)
@@ -33,7 +33,7 @@ def main() -> None:
     parser.add_argument("--utilisation", type=float, default=0.3, help="of the pads, by strangers")
     parser.add_argument("--seconds", type=float, default=15.0, help="for first routes and their betterment")
     options = parser.parse_args()
-    dispatch(city(2, 3, 3, options.utilisation), START, iterations=1, time_limit_s=1.0)  # kernels
+    dispatch(city(2, 3, 3, options.utilisation), START, iterations=1, time_limit_s=1.0)  # compiles the kernels
     for drones in options.drones:
         work = spread(city(1, drones, round(ORDERS * drones) + 1, options.utilisation), HOURS)
         forecast = work.scenario.forecast(START, 48)
@@ -49,7 +49,7 @@ def main() -> None:
         )  # fmt: skip
         change_s, change_used_s = time.perf_counter() - begun, time.process_time() - used
         print(
-            f"{drones:>6} drones, {len(before.orders):>6} orders: planned in {whole_s:.1f} s ({whole_used_s:.1f} s of a processor), {plan.served} served, {plan.iterations} changes tried; "
+            f"{drones:>6} drones, {len(before.orders):>6} orders: planned in {whole_s:.1f} s ({whole_used_s:.1f} s of a processor), {plan.served} served, {plan.iterations} iterations; "
             f"one order more {change_s:.2f} s ({change_used_s:.2f} s), {after.served} served",
             flush=True,
         )

@@ -1,4 +1,4 @@
-"""The rebuilt Sydney set: what our plans make of it, beside the rules of the study, greedy and first come, first served."""
+"""The rebuilt Sydney set: our plans compared with the rules of the study, a greedy rule, and first come, first served."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ from skyway.planner.parameters.dispatch import DispatchParameters
 EACH = 40
 """Requests of a provider in an hour."""
 ENERGY_S = 7000.0
-"""What the energy of a battery is worth in the measure of quality, about, in seconds of delivery."""
+"""Approximate value of a battery's energy in the measure of quality, seconds of delivery."""
 FULL_S = 86_400.0
 """Nobody waits for the last hundredth of a charge."""
 RULES = {
@@ -45,12 +45,12 @@ RULES = {
 }
 
 
-def problem(town: City, asked: list[Request]) -> DispatchProblem:
-    """The set as a dispatch problem.
+def problem(town: City, given: list[Request]) -> DispatchProblem:
+    """Return the set as a dispatch problem.
 
-    An order ends at its destination, and its drone where it has its final charge, on any roof: home is a place for each final charge, which is reached from
-    any roof in no time, with a need of that charge, and the time until then counts like that of the delivery. Drones begin at places of their providers
-    that no drone comes back to, so that each has one order; those of a provider with one final charge are alike.
+    An order ends at its destination, and its drone at any roof where it has its final charge: home is a virtual place for each final charge, reached from
+    any roof in zero time with a required SoC of that charge, and the time until then counts like that of the delivery. Drones begin at places of their providers
+    to which no drone returns, so that each has one order; those of a provider with one final charge are identical.
     """
     roofs, finals = SOURCES + FLATS, sorted(FINALS.values())
     kinds = len(finals)
@@ -75,31 +75,31 @@ def problem(town: City, asked: list[Request]) -> DispatchProblem:
         pads=pads, first_pad=np.cumsum(pads) - pads, stops=stops, curve_of=np.zeros((kinds, places), dtype=np.int64),
         curve_s=at_s[None], curve_soc=levels[None], pace_s=np.full(kinds, pace_s), wait_s=np.zeros((places, 1)), wait_step_s=1e9, reserve=0.0,
     )  # fmt: skip
-    count = len(asked)
-    ready = np.array([one.ready_s for one in asked])
-    origin = np.array([begins + one.origin for one in asked], dtype=np.int64)
-    kind = np.array([kind_of[FINALS[one.threshold]] for one in asked], dtype=np.int64)
-    due = ready + np.array([alone(town, one)[0] for one in asked])
+    count = len(given)
+    ready = np.array([one.ready_s for one in given])
+    origin = np.array([begins + one.origin for one in given], dtype=np.int64)
+    kind = np.array([kind_of[FINALS[one.threshold]] for one in given], dtype=np.int64)
+    due = ready + np.array([alone(town, one)[0] for one in given])
     fleet = Fleet(
         type=kind, empty_mode=np.zeros(count, dtype=np.int64), place=origin, home=roofs + kind, soc=np.ones(count), from_s=np.zeros(count), to_s=np.full(count, np.inf), scale=np.ones(count),
     )  # fmt: skip
     orders = Orders(
-        origin=origin, destination=np.array([one.destination for one in asked], dtype=np.int64), ready_s=ready,
+        origin=origin, destination=np.array([one.destination for one in given], dtype=np.int64), ready_s=ready,
         due_s=due, refusal_s=np.full(count, 1e7), mode=np.where(kind == np.arange(kinds)[:, None], 1, -1),
         latest_s=np.full(count, np.inf),
     )  # fmt: skip
     return DispatchProblem(flights, fleet, orders, Weights(1.0, ENERGY_S, 1.0))
 
 
-def searched(town: City, asked: list[Request], time_limit_s: float, iterations: int = 10**9) -> Search:
-    """Plan the set, each request by its own drone: the shortest charges are put in first, each at its destination; the search may choose other stops."""
-    made = problem(town, asked)
+def searched(town: City, given: list[Request], time_limit_s: float, iterations: int = 10**9) -> Search:
+    """Plan the set, each request by its own drone: the shortest charges are inserted first, each at its destination; the search may choose other stops."""
+    made = problem(town, given)
     search = Search(made, DispatchParameters(vehicles_tried=2))
     search.warm_up()
     end_at = time.perf_counter() + time_limit_s
-    search.routes.halts.place[:, HOME] = [one.destination for one in asked]
-    search.routes.halts.soc[:, HOME] = [FINALS[one.threshold] for one in asked]
-    on_pads_s = [alone(town, one)[0] - town.time_s[one.origin, one.destination] for one in asked]
+    search.routes.halts.place[:, HOME] = [one.destination for one in given]
+    search.routes.halts.soc[:, HOME] = [FINALS[one.threshold] for one in given]
+    on_pads_s = [alone(town, one)[0] - town.time_s[one.origin, one.destination] for one in given]
     for order in np.argsort(on_pads_s, kind="stable"):
         if not search.insert(int(order), int(order), 0):
             raise AssertionError(f"request {order} cannot be flown")
@@ -108,14 +108,14 @@ def searched(town: City, asked: list[Request], time_limit_s: float, iterations: 
     return search
 
 
-def planned(town: City, asked: list[Request], search: Search) -> tuple[list[Flown], float]:
-    """Read what a plan does to each request, and check it: no pad twice, no charge quicker than it can be.
+def planned(town: City, given: list[Request], search: Search) -> tuple[list[Flown], float]:
+    """Return the outcome of each request in a plan, and check the plan: no pad used twice, no charge faster than possible.
 
-    A drone that must wait for its first pad begins so much later; at any other it waits on a waiting pad, or hovers where those are taken.
+    A drone that must wait for its first pad begins later by that wait; at any other it waits on a waiting pad, or hovers if those are occupied.
     """
     windows: dict[int, list[tuple[float, float]]] = defaultdict(list)
     waits: dict[int, list[tuple[float, float, int]]] = defaultdict(list)
-    done_s, taken = np.full(len(asked), np.inf), np.zeros(len(asked))
+    done_s, taken = np.full(len(given), np.inf), np.zeros(len(given))
     for drone in np.flatnonzero(search.routes.length):
         (order,) = search.route(int(drone))
         free_s, first = None, True
@@ -135,7 +135,7 @@ def planned(town: City, asked: list[Request], search: Search) -> tuple[list[Flow
         own.sort()
         if any(then[0] < one[1] - 1e-6 for one, then in itertools.pairwise(own)):
             raise AssertionError("a pad is held twice")
-    hovered, congested = np.zeros(len(asked)), 0.0
+    hovered, congested = np.zeros(len(given)), 0.0
     for roof, all_ in waits.items():
         at_s = sorted({time for begin, end, _ in all_ for time in (begin, end)})
         for begin, end in itertools.pairwise(at_s):
@@ -144,15 +144,15 @@ def planned(town: City, asked: list[Request], search: Search) -> tuple[list[Flow
             for _, order in here[int(town.pads[roof]) :]:
                 hovered[order] += HOVER_W * (end - begin) / 3600.0 / BATTERY_WH
     found = []
-    for number, one in enumerate(asked):
+    for number, one in enumerate(given):
         expected_s, use = alone(town, one)
         late_s = max(done_s[number] - one.ready_s - expected_s, 0.0)
         found.append(Flown(expected_s, use, late_s, max(taken[number] + hovered[number] - use, 0.0), hovered[number]))
     return found, congested / MIN_S / len(town.pads)
 
 
-def told(name: str, flown: list[Flown], congested_min: float) -> str:
-    """One line of the table."""
+def table_line(name: str, flown: list[Flown], congested_min: float) -> str:
+    """Return one line of the table."""
     late = np.array([one.late_s for one in flown]) / MIN_S
     return (
         f"{name:<26} quality {np.mean([one.quality for one in flown]):.3f}; not served {100.0 * np.mean([not one.served for one in flown]):.1f} %; "
@@ -170,15 +170,15 @@ def main() -> None:
     for growth in options.growth:
         for seed in options.seeds:
             town = city(seed)
-            asked = requests(seed, round(EACH * (1.0 + growth)))
-            print(f"+{100 * growth:.0f} %, seed {seed}: {len(asked)} requests, {int(town.pads.sum())} pads", flush=True)
+            given = requests(seed, round(EACH * (1.0 + growth)))
+            print(f"+{100 * growth:.0f} %, seed {seed}: {len(given)} requests, {int(town.pads.sum())} pads", flush=True)
             for name, rule in RULES.items():
-                print("  " + told(name, *queued(town, asked, rule)))
-            search = searched(town, asked, options.seconds)
-            flown, congested_min = planned(town, asked, search)
-            print("  " + told("planned", flown, congested_min), flush=True)
+                print("  " + table_line(name, *queued(town, given, rule)))
+            search = searched(town, given, options.seconds)
+            flown, congested_min = planned(town, given, search)
+            print("  " + table_line("planned", flown, congested_min), flush=True)
             elsewhere = np.mean([one.extra > 1e-9 for one in flown])
-            most = most_quality(town, asked, float(np.mean([one.quality for one in flown])))
+            most = most_quality(town, given, float(np.mean([one.quality for one in flown])))
             print(
                 f"  {100.0 * elsewhere:.1f} % charge on another roof; no plan has a quality above {most:.3f}",
                 flush=True,

@@ -1,7 +1,7 @@
-"""What must be true of a fleet that was flown, judged from the history of its ledger by code that shares nothing with what wrote it.
+"""Invariants of a flown fleet, checked on the history of its ledger by code that shares none with the writer.
 
 It reads the tables with SQL and the documents as plain JSON: no module of skyway is imported. ``python -m benchmarks.fleet.invariants LEDGER``
-prints what is wrong, and figures; exit code 1 where something is.
+prints violations and figures; exit code 1 if there are violations.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ class Line:
 
 @dataclass
 class Judged:
-    """What was found."""
+    """Findings."""
 
     wrong: list[str] = field(default_factory=list)
     figures: dict[str, float] = field(default_factory=dict)
@@ -58,7 +58,7 @@ def _postgresql(name: str) -> Iterator[Rows]:
 
 
 def judge(ledger: str, dispatcher: str = "dispatch", *, reserve: float = 0.2, running: bool = False) -> Judged:
-    """Judge all that one dispatcher did; the pads are judged for all together. Where it is `running`, what is under way may be open."""
+    """Check everything done by one dispatcher; the pads are checked for all together. If it is `running`, open entries are permitted."""
     with (_postgresql if ledger.startswith("postgres") else _sqlite)(ledger) as rows:
         return _judged(rows, dispatcher, reserve, running=running)
 
@@ -71,8 +71,8 @@ def _judged(rows: Rows, dispatcher: str, reserve: float, *, running: bool) -> Ju
         f"SELECT kind, id, version, state, document FROM desk_history WHERE dispatcher = '{name}' ORDER BY seq"
     )
     for kind, id_, version, state, document in history:
-        told = document if isinstance(document, dict) else json.loads(document)
-        kinds[kind][id_].append(Line(id_, version, state, told))
+        data = document if isinstance(document, dict) else json.loads(document)
+        kinds[kind][id_].append(Line(id_, version, state, data))
     for kind, entries in kinds.items():
         for lines in entries.values():
             if [one.version for one in lines] != list(range(1, len(lines) + 1)):
@@ -87,7 +87,7 @@ def _judged(rows: Rows, dispatcher: str, reserve: float, *, running: bool) -> Ju
 
 
 def _orders(orders: dict[str, list[Line]], flights: Iterable[Line], found: Judged, *, running: bool) -> None:
-    """Each order ends once, with a reason or a delivery; its package goes on from where it was, in one drone at a time."""
+    """Each order ends once, with a reason or a delivery; its package continues from its last place, in one drone at a time."""
     carried: dict[str, list[Line]] = defaultdict(list)
     for one in flights:
         if one.document["phase"] == WITH_PACKAGE and one.document["order"] is not None:
@@ -129,7 +129,7 @@ def _drones(
     *,
     running: bool,
 ) -> None:
-    """Each drone has one flight at a time, which begins where the one before ended; it stands at a station at the end, or a person was told."""
+    """Each drone has one flight at a time, which begins where the previous one ended; it stands at a station at the end, or was handed over to a person."""
     active: dict[str, str] = {}
     for kind, id_, _, state, document in history:
         if kind != "flight":
@@ -160,7 +160,7 @@ def _drones(
     for name, lines in drones.items():
         last = lines[-1]
         if (last.state == "flying" and not running) or (last.state == "lost" and not last.document.get("reason")):
-            found.wrong.append(f"drone {name} is {last.state} at the end, and nobody was told")
+            found.wrong.append(f"drone {name} is {last.state} at the end, and no person was informed")
     found.figures |= {
         "drones": float(len(drones)), "drones lost": float(sum(lines[-1].state == "lost" for lines in drones.values())), "flights": float(len(flights)),
         "landings": float(landings), "landings below the reserve": float(below),
@@ -189,7 +189,7 @@ def _pads(rows: Rows, found: Judged, *, running: bool) -> None:
 
 
 def main() -> None:
-    """Judge a ledger."""
+    """Check a ledger."""
     found = judge(*sys.argv[1:3])
     for name, value in found.figures.items():
         print(f"{name}: {value:g}")

@@ -1,8 +1,9 @@
-"""Plans of a fleet flown by a simulation that shares no code with the planner, to judge the probabilities of its promises.
+"""Plans of a fleet flown by a simulation that shares no code with the planner, to validate the probabilities of its promises.
 
-Flights go over the shortest ways of the network, hop by hop, in the record's wind of the day, which changes while they fly, with gusts; energy is power by the published
-endurances times a ratio of Student's t distribution; pads charge with constant rate and then with an exponential. Drones are processes (Python generators) that wait for
-each other at pads. Before a take-off a drone asks for what the flight takes in the wind of that moment, and for the share of it that all but one of a thousand need less than.
+Flights go over the shortest ways of the network, segment by segment, in the recorded wind of the day, which changes during the flight, with gusts;
+energy is power from the published endurances times a ratio of Student's t distribution; pads charge with constant rate and then with an exponential.
+Drones are processes (Python generators) that wait for each other at pads. Before a take-off a drone requires the charge of the flight in the present
+wind, times the 0.999 quantile of the energy ratio.
 """
 
 from __future__ import annotations
@@ -29,26 +30,26 @@ AIRSPEED_MPS, MOST_MPS, WIND_LIMIT_MPS = 20.0, 20.0, 12.0
 CLIMB_S = 60.0 / 5.0 + 60.0 / 3.0
 BULK_S, WHOLE_S, KNEE = 1.28 * 3600.0, 2.24 * 3600.0, 0.8
 GUST_SD = 0.1
-"""Of the wind over one hop, as a share of it."""
+"""Standard deviation of the wind over one segment, as a share of it."""
 MEAN, BETWEEN, WITHIN, FREEDOM = 0.99, 0.062, 0.06, 15.0
 SURE = 3.733
-"""Standard deviations that all but one of a thousand are below, of Student's t distribution."""
+"""The 0.999 quantile of Student's t distribution, in standard deviations."""
 WIND_MARGIN = 0.12
-"""Of what a flight takes, for what the wind does on the way: the planner's setting `margin`."""
+"""Margin on the energy of a flight for changes of the wind: the planner's setting `margin`."""
 AGAIN_S, LONGEST_S, BELOW = 600.0, 12 * 3600.0, 0.005
 Wait: TypeAlias = "Iterator[tuple[str, float]]"
 
 
 @dataclass
 class Pads:
-    """Pads of one station: a line, first come, first served."""
+    """Pads of one station: a queue, first come, first served."""
 
     free: int
     line: deque[Wait] = field(default_factory=deque)
 
 
 class Day:
-    """A day of the record, and what drones meet on it."""
+    """A day of the record, and the conditions of the drones on it."""
 
     def __init__(self, work: Work, day: date, begin: datetime, seed: int) -> None:
         from scipy.sparse import csr_array
@@ -73,7 +74,7 @@ class Day:
         self.now_s = self.begin_s
 
     def _strangers(self, station: str) -> list[tuple[float, float]]:
-        """When strangers come, and how long each charges; from two days before on."""
+        """Arrival times of other drones, and the charging time of each; from two days before on."""
         found: list[tuple[float, float]] = []
         load = self.work.scenario.load
         for hour in range(-48, 13):
@@ -84,7 +85,7 @@ class Day:
         return sorted(found)
 
     def present(self) -> dict[str, int]:
-        """Strangers on the pads and in line when the day begins, by station."""
+        """Other drones on the pads and in the queue when the day begins, by station."""
         found = {}
         for station, others in self.others.items():
             free, leave = [-math.inf] * self.pads[station].free, []
@@ -104,7 +105,7 @@ class Day:
         return 2.0 * EARTH_M * math.asin(math.sqrt(half)), math.atan2(x, y)
 
     def ways(self, origin: str, destination: str) -> list[tuple[float, float, np.ndarray]]:
-        """Hops of a flight: length, bearing, and weights of the sites amid it."""
+        """Segments of a flight: length, bearing, and weights of the sites at its middle."""
         nodes, end = [self.index[destination]], self.index[origin]
         while nodes[-1] != end:
             nodes.append(int(self.before[end, nodes[-1]]))
@@ -116,7 +117,7 @@ class Day:
         return found[::-1]
 
     def flight(self, origin: str, destination: str, from_s: float, *, blind: bool) -> float:
-        """Time of a flight, s; infinite where the wind closes it. Who is blind counts with the wind of its beginning and no gusts."""
+        """Time of a flight, s; infinite if the wind prohibits it. With `blind`, in the wind of its beginning and without gusts."""
         time_s = from_s + CLIMB_S
         for far_m, bearing, weight in self.ways(origin, destination):
             gust = 1.0 if blind else 1.0 + GUST_SD * float(self.random.standard_normal())
@@ -130,19 +131,19 @@ class Day:
                 if steady > WIND_LIMIT_MPS or speed < 1.0:
                     if blind or time_s == from_s + CLIMB_S:
                         return math.inf
-                    speed = max(speed, 1.0)  # in the air it flies on
+                    speed = max(speed, 1.0)  # in the air it continues
                 ends_s = math.inf if blind else self.begin_s + 3600.0 * (slot + 1)
                 lasts_s = min(left_m / speed, max(ends_s - time_s, 1e-3))
                 left_m, time_s = left_m - lasts_s * speed, time_s + lasts_s
         return time_s - from_s
 
     def power(self, mass_kg: float) -> float:
-        """Share of a battery that a second takes with a package."""
+        """Share of a battery used per second with a package."""
         growth = math.log(EMPTY_S / FULL_S) / math.log((MASS_KG + PAYLOAD_KG) / MASS_KG)
         return float(((MASS_KG + mass_kg) / MASS_KG) ** growth / EMPTY_S)
 
     def drone(self, route: Route, reserve: float) -> Wait:
-        """Live the day of one drone: what is yielded is a pad that is asked for, one that is left, or a time to sleep until."""
+        """Simulate the day of one drone; yields a requested pad, a released one, or a time to sleep until."""
         mass = {one.id: one.mass_kg for one in self.work.orders}
         ready = {one.id: one.ready.timestamp() for one in self.work.orders}
         usual = MEAN + BETWEEN * float(self.random.standard_t(FREEDOM))
@@ -200,13 +201,13 @@ class Day:
                 self.delivered_s[step.order] = now_s
 
     def stranger(self, station: str, lasts_s: float) -> Wait:
-        """Charge, and go."""
+        """Charge, and leave."""
         yield f"pad {station}", self.now_s
         yield "until", self.now_s + lasts_s
         yield f"left {station}", self.now_s
 
     def run(self, routes: Sequence[Route], reserve: float) -> None:
-        """Live the day."""
+        """Simulate the day."""
         todo: list[tuple[float, int, Wait]] = []
         count = 0
 
@@ -241,7 +242,7 @@ class Day:
 
 
 def filled_s(soc: float) -> float:
-    """Time from empty to a charge: constant rate, then exponential, cut where a hundredth lacks."""
+    """Time from empty to a charge: constant rate, then exponential, cut at the last hundredth."""
     if soc <= KNEE:
         return BULK_S * soc / KNEE
     slow = (1.0 - KNEE) * BULK_S / KNEE

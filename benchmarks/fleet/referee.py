@@ -1,9 +1,9 @@
-"""The referee of the dispatcher: small problems in whole steps, solved to proven optimality as flows over time, place and charge.
+"""Reference solutions for the dispatcher: small problems in whole steps, solved to proven optimality as flows over time, place and charge.
 
-It shares nothing with the dispatcher but the numbers of the problem. Drones with one home are units of one flow through states (place,
+It shares only the data of the problem with the dispatcher. Drones with one home are units of one flow through states (place,
 step, charge); a unit that carries an order moves in a copy of these states that belongs to the order. Arcs wait, charge by a level in a
-step, fly empty, take up, fly loaded and set down; those that charge at a place in a step are at most its pads. HiGHS, as SciPy brings
-it, proves the optimum of the integer program. The way home is charged as if pads were free, so that the optimum is a lower bound.
+step, fly empty, pick up, fly loaded and deliver; the number that charge at a place in a step is at most that of its pads. HiGHS, in SciPy's
+version, proves the optimum of the integer program. Charges on the way home assume free pads, so that the optimum is a lower bound.
 """
 
 from __future__ import annotations
@@ -24,12 +24,12 @@ BASE = -1
 
 @dataclass(frozen=True)
 class Verdict:
-    """What the referee found."""
+    """Result."""
 
     cost: float
-    """Of the best plan found."""
+    """Cost of the best plan found."""
     bound: float
-    """No plan costs less."""
+    """Lower bound of the cost of any plan."""
     proved: bool
     arcs: int
 
@@ -45,7 +45,7 @@ class _Arc(NamedTuple):
 
 
 def judge(problem: DispatchProblem, step_s: float, levels: int, *, time_limit_s: float = 60.0) -> Verdict:
-    """Solve a problem of one type of drone, in one slot, whose times are whole steps and needs whole levels."""
+    """Solve a problem of one type of drone, in one slot, whose times are whole steps and whose needs are whole levels."""
     from scipy.optimize import Bounds, LinearConstraint, milp
     from scipy.sparse import coo_array
 
@@ -100,7 +100,7 @@ def judge(problem: DispatchProblem, step_s: float, levels: int, *, time_limit_s:
 def _arcs(  # noqa: PLR0915  one pass over all states
     problem: DispatchProblem, step_s: float, levels: int
 ) -> tuple[list[_Arc], dict[tuple[int, tuple[int, int, int, int]], int]]:
-    """All arcs that a unit can come to, from where drones begin."""
+    """All arcs reachable by a unit, from the drones' first places."""
     flights, fleet, orders, weights = problem.flights, problem.fleet, problem.orders, problem.weights
     places = len(flights.pads)
     hops = [

@@ -13,7 +13,7 @@ LEVELS = 10
 def small_world(
     seed: int, drones: int = 3, orders: int = 5, stations: int = 4, pads: int = 1, horizon: int = 40, due: int = 8
 ) -> DispatchProblem:
-    """A problem in steps of 10 minutes and tenths of a battery; a step on a pad gives a tenth."""
+    """Return a problem in steps of 10 minutes and tenths of a battery; a step on a pad charges a tenth."""
     rng = np.random.default_rng(seed)
     xy = rng.uniform(0.0, 3.0, (stations, 2))
     far = np.hypot(*(xy[:, None] - xy[None]).transpose(2, 0, 1))

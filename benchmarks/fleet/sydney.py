@@ -1,4 +1,4 @@
-"""Sydney's centre as a published study of drones that compete for pads describes it (ICSOC 2025), rebuilt: roofs, requests and queues.
+"""Sydney's centre in a published study of drones that compete for pads (ICSOC 2025), rebuilt: roofs, requests and queues.
 
 The study's map came from OpenStreetMap and is not stored with it, so roofs are drawn here: 33 sources and 26 blocks of flats about one
 centre, 1,210 segments by line of sight, five times as long as they are. Speed, energy, charging, thresholds, pads by roof area, waiting
@@ -24,29 +24,30 @@ if TYPE_CHECKING:
 
 SOURCES, FLATS, SEGMENTS = 33, 26, 1210
 WITHIN_M, ROOF_M2 = (1200.0, 800.0), 1000.0
-"""Of sources and of flats from the centre, and the median of the roofs: chosen so that the study's rule comes out about as published without growth."""
+"""Greatest distance of sources and of flats from the centre, and the median area of the roofs: chosen so that the
+study's rule has about its published results without growth."""
 LONGEST_M, STRETCH = 2000.0, 5.0
 SPEED_MPS, WH_PER_KM, BATTERY_WH = 16.0, (1.216 / (3600.0 / 9.81 * 1.5) + 0.1 / 57.6) * 1000.0, 68.1
 HOVER_W, MOST_HOVERED = 159.01, 0.8
 TAU_S = 0.2 * 80.0 * 60.0
 """Charging follows 1 - exp(-t / tau)."""
 FINALS = {0.2: 0.33, 0.3: 0.44, 0.4: 0.55, 0.5: 0.66, 0.6: 0.77, 0.7: 0.88, 0.8: 0.99}
-"""Charge used at which a drone recharges, and up to what; the second one it must have at the end, too."""
+"""Final charge by the charge used at which a drone recharges; it must have the final charge at the end, too."""
 MIN_S = 60.0
 
 
 @dataclass(frozen=True)
 class City:
-    """Roofs, the first ones sources, the others flats; times and needs of flights between them over segments."""
+    """Roofs, first the sources, then the flats; times and charges of flights between them over segments."""
 
     time_s: NDArray[np.float64]
     need: NDArray[np.float64]
     before: NDArray[np.int64]
     pads: NDArray[np.int64]
-    """Charging pads; there are as many to wait on."""
+    """Charging pads; there are as many waiting pads."""
 
     def way(self, begin: int, end: int) -> list[int]:
-        """Roofs on the shortest way."""
+        """Return the roofs on the shortest way."""
         found = [end]
         while found[-1] != begin:
             found.append(int(self.before[begin, found[-1]]))
@@ -55,7 +56,7 @@ class City:
 
 @dataclass(frozen=True)
 class Request:
-    """One delivery, by a drone of its own that is full."""
+    """One delivery, by its own drone, which is fully charged."""
 
     origin: int
     destination: int
@@ -65,25 +66,25 @@ class Request:
 
 @dataclass(frozen=True)
 class Flown:
-    """What became of a request, beyond what was expected of it alone."""
+    """Outcome of a request, beyond its expected way alone."""
 
     expected_s: float
     expected: float
     late_s: float
     extra: float
-    """Charge used beside that of the expected way."""
+    """Charge used beyond that of the expected way."""
     hovered: float
-    """What of it was used hovering, for want of a pad."""
+    """Part of it used in hovering, for lack of a pad."""
 
     @property
     def quality(self) -> float:
-        """The study's measure: half of it the time, half of it the charge."""
+        """The study's measure: half time, half charge."""
         score = 1.0 - 0.5 * self.extra / self.expected - 0.5 * self.late_s / self.expected_s
         return min(max(score, 0.0), 1.0)
 
     @property
     def served(self) -> bool:
-        """Not served is, in the study, who has waited and hovered."""
+        """A request whose drone has waited and hovered is, in the study, not served."""
         return not (self.late_s > 1.0 and self.hovered > 1e-9)
 
 
@@ -106,7 +107,7 @@ def city(seed: int) -> City:
             over[[one, other]] = False
             if far[one, other] < LONGEST_M and not over.any():
                 seen.append((one, other))
-    kept = rng.permutation(len(seen))[:SEGMENTS]  # which ones cross others is not known without the study's map
+    kept = rng.permutation(len(seen))[:SEGMENTS]  # the crossings of segments are unknown without the study's map
     tail, head = np.array([seen[number] for number in kept]).T
     length = csr_array((STRETCH * far[tail, head], (tail, head)), shape=(count, count))
     way_m, before = dijkstra(length, directed=False, return_predecessors=True)
@@ -116,7 +117,7 @@ def city(seed: int) -> City:
 
 
 def requests(seed: int, each: int) -> list[Request]:
-    """Draw so many requests of each provider within an hour."""
+    """Draw a number of requests of each provider within an hour."""
     rng = np.random.default_rng(1000 + seed)
     thresholds = list(FINALS)
     return [
@@ -127,14 +128,14 @@ def requests(seed: int, each: int) -> list[Request]:
 
 
 def charging_s(soc: float, up_to: float) -> float:
-    """How long it takes to charge."""
+    """Return the charging time, s."""
     return TAU_S * math.log((1.0 - soc) / (1.0 - up_to)) if up_to > soc else 0.0
 
 
 @dataclass
 class _Drone:
     stops: list[tuple[float, float, float]]
-    """Flight time to each, charge that it takes, and charge with which it is left."""
+    """Stops: flight time to each, charge that it takes, and charge at departure."""
     places: list[int]
     soc: float = 1.0
     at: int = 0
@@ -144,7 +145,7 @@ class _Drone:
 
 
 def expected(town: City, one: Request) -> _Drone:
-    """Where a drone of the study charges on its shortest way, and how much."""
+    """Return where a drone of the study charges on its shortest way, and how much."""
     way, final = town.way(one.origin, one.destination), FINALS[one.threshold]
     legs = [(float(town.time_s[tail, head]), float(town.need[tail, head])) for tail, head in itertools.pairwise(way)]
     soc, used, stops, places, flown_s, taken = 1.0, 0.0, [], [], 0.0, 0.0
@@ -159,7 +160,7 @@ def expected(town: City, one: Request) -> _Drone:
 
 
 def alone(town: City, one: Request) -> tuple[float, float]:
-    """Time and charge of the expected way without anybody else."""
+    """Return time and charge of the expected way without other drones."""
     drone = expected(town, one)
     soc, time_s, used = 1.0, 0.0, 0.0
     for flown_s, need, up_to in drone.stops:
@@ -169,18 +170,18 @@ def alone(town: City, one: Request) -> tuple[float, float]:
     return time_s, used
 
 
-def queued(town: City, asked: list[Request], first: Callable[[float, float], float]) -> tuple[list[Flown], float]:
-    """Let drones fly as the study's do: whoever has the least `first` of its wait and its charging time, both in minutes, gets the next pad.
+def queued(town: City, given: list[Request], first: Callable[[float, float], float]) -> tuple[list[Flown], float]:
+    """Simulate the study's rule: the drone with the least `first` of its wait and its charging time, both in minutes, gets the next pad.
 
-    Who finds no pad waits on a waiting pad, or hovers. Returns what became of each, and for how many minutes drones waited at a roof on average.
+    A drone without a pad waits on a waiting pad, or hovers. Returns the outcome of each, and the mean wait at a roof in minutes.
     """
-    drones = [expected(town, one) for one in asked]
+    drones = [expected(town, one) for one in given]
     done_s = [0.0] * len(drones)
     queue: dict[int, list[int]] = defaultdict(list)
     busy = dict.fromkeys(range(len(town.pads)), 0)
     congested = 0.0
     since: dict[int, float] = {}
-    events = [(one.ready_s + drones[number].stops[0][0], number, True) for number, one in enumerate(asked)]
+    events = [(one.ready_s + drones[number].stops[0][0], number, True) for number, one in enumerate(given)]
     heapq.heapify(events)
     while events:
         now_s, number, comes = heapq.heappop(events)
@@ -209,7 +210,7 @@ def queued(town: City, asked: list[Request], first: Callable[[float, float], flo
         elif place in since:
             congested += now_s - since.pop(place)
     found = []
-    for number, one in enumerate(asked):
+    for number, one in enumerate(given):
         expected_s, use = alone(town, one)
         late_s = max(done_s[number] - one.ready_s - expected_s, 0.0)
         hovered = min(drones[number].hovered, MOST_HOVERED)
@@ -222,7 +223,7 @@ def _rank(drone: _Drone, now_s: float, first: Callable[[float, float], float]) -
 
 
 def _hover(drones: list[_Drone], waiting: list[int], pads: int, now_s: float) -> None:
-    """Take the charge of those who hovered since the last time: all but the first to come, who stand on the waiting pads."""
+    """Subtract the charge of hovering since the last call: for all except the first to come, which stand on the waiting pads."""
     for place, number in enumerate(sorted(waiting, key=lambda one: drones[one].come_s)):
         drone = drones[number]
         if place >= pads:

@@ -1,12 +1,12 @@
-"""What quality no plan of the rebuilt Sydney set is above: prices of pads by roof and time (Lagrangian relaxation).
+"""Upper bound of the quality of any plan of the rebuilt Sydney set: prices of pads by roof and time (Lagrangian relaxation).
 
 Each drone flies to its destination on the shortest way, then charges once up to its final charge, there or on another roof, on a pad that nobody else has. Let
 the pads of roof r cost l_r(t) >= 0 for each second. Then the loss of quality, summed over the requests, is at least
 
     sum_i min(1, min over r and t of loss_i(r, t) + integral of l_r from t to t + p_ir) - sum_r pads_r * integral of l_r,
 
-for any prices: what is paid for pads is no more than all of them cost. Prices are constant in steps of time, and a loss is concave in t between them, so
-that the inner minimum lies where a charge begins or ends at the end of a step, begins at once, or ends just in time. Subgradients better the prices.
+for any prices: the payments for pads are at most the cost of all of them. Prices are constant in steps of time, and a loss is concave in t between them, so
+that the inner minimum lies where a charge begins or ends at the end of a step, begins at once, or ends just in time. Prices are improved by subgradients.
 """
 
 from __future__ import annotations
@@ -17,21 +17,21 @@ from benchmarks.fleet.sydney import FINALS, TAU_S, City, Request, alone
 
 STEP_S, ITERATIONS = 240.0, 300
 AFTER_S = 4.0 * 3600.0
-"""So long after the last request is ready pads have prices."""
+"""Time after the last request is ready for which pads have prices, s."""
 
 
 class Prices:
-    """The requests that must charge, and what their drones would pay."""
+    """The requests that must charge, and the prices for their drones."""
 
-    def __init__(self, town: City, asked: list[Request]) -> None:
-        at = np.array([(one.origin, one.destination) for one in asked])
-        final = np.array([FINALS[one.threshold] for one in asked])
+    def __init__(self, town: City, given: list[Request]) -> None:
+        at = np.array([(one.origin, one.destination) for one in given])
+        final = np.array([FINALS[one.threshold] for one in given])
         left = 1.0 - town.need[at[:, 0], at[:, 1]]
         some = left < final
-        self.count, self.pads = len(asked), town.pads.astype(float)
+        self.count, self.pads = len(given), town.pads.astype(float)
         at, final, left = at[some], final[some], left[some]
-        ready = np.array([one.ready_s for one in asked])[some]
-        self.expected_s, use = np.array([alone(town, one) for one in asked])[some].T
+        ready = np.array([one.ready_s for one in given])[some]
+        self.expected_s, use = np.array([alone(town, one) for one in given])[some].T
         on_s, on = town.time_s[at[:, 1]], town.need[at[:, 1]]  # to each roof, from the destination
         on_s[np.arange(len(at)), at[:, 1]] = on[np.arange(len(at)), at[:, 1]] = 0.0
         self.come_s = ready[:, None] + town.time_s[at[:, 0], at[:, 1]][:, None] + on_s
@@ -42,7 +42,7 @@ class Prices:
         self.at_s = np.arange(0.0, ready.max() + AFTER_S, STEP_S)
 
     def bound(self, price: np.ndarray) -> tuple[float, np.ndarray]:
-        """Return the mean loss that no plan is below, and the subgradient; prices of a second have the shape (roofs, steps)."""
+        """Return a lower bound of the mean loss of any plan, and the subgradient; prices of a second have the shape (roofs, steps)."""
         total = np.concatenate((np.zeros((len(price), 1)), np.cumsum(price * STEP_S, axis=1)), axis=1)
         ends = np.append(self.at_s, self.at_s[-1] + STEP_S)
         best = np.full(len(self.ready_s), 1.0)
@@ -71,9 +71,9 @@ class Prices:
         return float(best.sum() - (self.pads[:, None] * price * STEP_S).sum()) / self.count, slack
 
 
-def most_quality(town: City, asked: list[Request], reached: float, iterations: int = ITERATIONS) -> float:
-    """Return a mean quality that no plan is above; `reached` is that of some plan, which steers the steps."""
-    prices = Prices(town, asked)
+def most_quality(town: City, given: list[Request], reached: float, iterations: int = ITERATIONS) -> float:
+    """Return an upper bound of the mean quality of any plan; `reached` is that of some plan, which determines the step size."""
+    prices = Prices(town, given)
     price = np.zeros((len(town.pads), len(prices.at_s)))
     best, share, since = 0.0, 1.0, 0
     for _ in range(iterations):

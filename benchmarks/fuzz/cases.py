@@ -17,7 +17,7 @@ from skyway.models.base.units import J_PER_WH
 from skyway.models.composition.composition import Recharge, State
 from skyway.models.drones.drone import M200_V2, Drone
 from skyway.models.network.builders import build_network
-from skyway.models.network.network import ConnectionRule, Station
+from skyway.models.network.station import ConnectionRule, Station
 from skyway.models.queues.load import PadLoad
 from skyway.models.wind.ensemble import WindEnsemble
 from skyway.planner.problem.objective import Objective

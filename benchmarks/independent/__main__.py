@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks.independent.product import planning
-from benchmarks.independent.study import PLANNERS, Study, digest, fly_order, orders, read_lines
+from benchmarks.independent.study import PLANNERS, Study, append_line, digest, fly_order, orders, read_lines
 from benchmarks.independent.verdict import told_and_met, verdict
 from benchmarks.independent.worlds import worlds
 
@@ -78,8 +78,6 @@ def main(argv: list[str] | None = None) -> int:
     )
     started = time.perf_counter()
     found = read_lines(options.out, study) if options.out is not None else []
-    if options.out is not None and not options.out.exists():
-        options.out.write_text(json.dumps(asdict(study)) + "\n", encoding="utf-8")
     flown = Counter((one["world"], one["order"]["seed"]) for one in found)
     done = {key for key, count in flown.items() if count == study.documents}
     found = [one for one in found if (one["world"], one["order"]["seed"]) in done]
@@ -88,8 +86,7 @@ def main(argv: list[str] | None = None) -> int:
         for document in fly_order(study, order, missing) if missing else ():
             found.append(document)
             if options.out is not None:
-                with options.out.open("a", encoding="utf-8") as file:
-                    file.write(json.dumps(document) + "\n")
+                append_line(options.out, study, document)
     verdicts = []
     for name in names:
         mine = sorted((one for one in found if one["world"] == name), key=lambda one: int(one["order"]["seed"]))

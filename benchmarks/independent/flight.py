@@ -38,7 +38,11 @@ class _Out:
     node: int
     """Landed at when it is not further: the last station that it was over."""
     flown: tuple[int, ...] = ()
+    gone: float = 0.0
+    """Share of the segment under way that lies behind, or lay where it was turned."""
     turned: int | None = None
+    turned_at: NDArray[np.float64] | None = None
+    """Where it was turned last."""
     pieces: list[Piece] = field(default_factory=list)
     speed_mps: float = math.inf
     """Over the ground, of the last piece."""
@@ -103,17 +107,22 @@ def fly(setting: Setting, policy: Policy, going: dict[int, tuple[Leave, float]],
 
 def _next(setting: Setting, out: _Out, place: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Where the next piece ends, and the middle of the straight flight that it is of."""
-    ground = setting.ground
-    if out.turned is not None:
-        target = ground.xy[out.turned] if out.turned != HERE else place
-        return target, 0.5 * (place + target)
-    segment = out.way[len(out.flown)]
-    tail, head = ground.xy[ground.tail[segment]], ground.xy[ground.head[segment]]
+    tail, head = _ends(setting, out, place)
     left_m = float(np.linalg.norm(head - place))
     # No piece is shorter than half of the others.
     next_m = min(LOOK_M, max(out.speed_mps * LOOK_S, LEAST_M))
     end = head if left_m <= 1.5 * next_m else place + (head - place) * (next_m / left_m)
     return end, 0.5 * (tail + head)
+
+
+def _ends(setting: Setting, out: _Out, place: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Ends of the straight flight under way: of its segment, or from where it was turned; it lands `HERE` at its place."""
+    ground = setting.ground
+    if out.turned is None:
+        segment = out.way[len(out.flown)]
+        return ground.xy[ground.tail[segment]], ground.xy[ground.head[segment]]
+    begin = place if out.turned_at is None else out.turned_at
+    return begin, ground.xy[out.turned] if out.turned != HERE else place
 
 
 def _arrived(
@@ -126,36 +135,39 @@ def _arrived(
 ) -> None:
     """Note a piece that was flown from where to where, and ask what now; `at` is the time, how long the piece took, and the charge."""
     ground, run, (begin, end), (now, took, soc) = setting.ground, out.run, piece, at
+    tail, head = _ends(setting, out, end)
+    if took > 0.0:
+        out.pieces.append(Piece(now - 0.5 * took, ground.plane.lat_lon(0.5 * (begin + end)), wind))
+        out.speed_mps = float(np.linalg.norm(end - begin)) / took
+    there = np.array_equal(end, head)
     if out.turned is not None:
-        # Nothing more is asked.
-        out.node, out.turned, out.way = out.turned, None, out.flown
-        return
-    segment = out.way[len(out.flown)]
-    tail, head = ground.xy[ground.tail[segment]], ground.xy[ground.head[segment]]
-    length = float(np.linalg.norm(head - tail))
-    gone = float(np.linalg.norm(end - tail)) / length
-    middle = float(np.linalg.norm(0.5 * (begin + end) - tail)) / length
-    out.pieces.append(Piece(now - 0.5 * took, segment, middle, wind))
-    out.speed_mps = float(np.linalg.norm(end - begin)) / max(took, 1e-9)
-    if np.array_equal(end, head):
-        out.node, out.flown = int(ground.head[segment]), (*out.flown, segment)
+        if there:
+            out.node, out.turned, out.way = out.turned, None, out.flown
+            return
+    elif there:
+        segment = out.way[len(out.flown)]
+        out.node, out.flown, out.gone = int(ground.head[segment]), (*out.flown, segment), 0.0
         rest = out.way[len(out.flown) :]
         if rest and ground.pads[out.node] > 0:
             rest = policy.over(seen(setting, run, out.node, now, now, soc), rest)
             out.way = (*out.flown, *rest)
         if not rest:
             return
-        segment, gone = rest[0], 0.0
+    else:
+        out.gone = float(np.linalg.norm(end - tail)) / float(np.linalg.norm(head - tail))
     if not policy.watches:
         return
     told = setting.batteries.told_one
-    out.turned = policy.aloft(
+    turned = policy.aloft(
         Aloft(
             run.number, now, float(told(run.number, soc)), reports(setting, run.number, now),
             lines(setting, run.number, HERE, now, now), tuple(run.flights), run.node, out.off_s,
-            float(told(run.number, run.soc)), out.way, segment, gone, tuple(out.pieces),
+            float(told(run.number, run.soc)), out.way, out.way[len(out.flown)], out.gone, out.turned,
+            ground.plane.lat_lon(end), tuple(out.pieces),
         )
     )  # fmt: skip
+    if turned is not None and turned != out.turned:
+        out.turned, out.turned_at = turned, end
 
 
 def _landed(setting: Setting, out: _Out, at: tuple[float, float, float]) -> None:

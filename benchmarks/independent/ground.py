@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
 _A_M, _E2 = 6_378_137.0, 0.006_694_379_990_14  # WGS-84
+CORRECTIONS = 4
 
 
 @dataclass(frozen=True)
@@ -29,6 +30,14 @@ class Plane:
         x0, _, z0 = _from_axis(math.radians(self.lat), 0.0)
         sine, cosine = math.sin(math.radians(self.lat)), math.cos(math.radians(self.lat))
         return np.stack(((z - z0) * cosine - (x - x0) * sine, y), axis=-1)
+
+    def lat_lon(self, xy: NDArray[np.float64]) -> tuple[float, float]:
+        """Latitude and longitude of a position, degrees, by successive corrections: each leaves a hundredth of the distance."""
+        lat, lon = self.lat, self.lon
+        for _ in range(CORRECTIONS):
+            north, east = np.degrees((xy - self.xy(lat, lon)) / _A_M).tolist()
+            lat, lon = lat + north, lon + east / math.cos(math.radians(lat))
+        return lat, lon
 
 
 def _from_axis(lat: ArrayLike, lon: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:

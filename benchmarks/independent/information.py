@@ -105,15 +105,14 @@ class Piece:
 
     Attributes
     ----------
-    time_s, segment, share : float, int, float
-        Its middle: when, on which segment, and which share of that lies behind.
+    time_s, place : float, (float, float)
+        Its middle: when, and where (latitude and longitude, degrees).
     wind : (float, float)
         Mean wind that the drone measured, at flight height, north and east, m/s.
     """
 
     time_s: float
-    segment: int
-    share: float
+    place: tuple[float, float]
     wind: tuple[float, float]
 
 
@@ -130,7 +129,11 @@ class Aloft:
     segments : tuple of int
         Its whole way.
     segment, share : int, float
-        Which of them it flies on, and which share of that lies behind.
+        Which of them it flies on, and which share of that lies behind; or lay when it was turned.
+    turned : int or None
+        The station that it was turned to, and flies straight to now.
+    place : (float, float)
+        Where it is (latitude and longitude, degrees).
     pieces : tuple of Piece
         Of this flight so far.
     """
@@ -147,6 +150,8 @@ class Aloft:
     segments: tuple[int, ...]
     segment: int
     share: float
+    turned: int | None
+    place: tuple[float, float]
     pieces: tuple[Piece, ...]
 
 
@@ -174,7 +179,7 @@ class Policy(Protocol):
         return rest
 
     def aloft(self, seen: Aloft) -> int | None:
-        """A station to turn to at once, straight, or `HERE`; None to fly on. Asked every `flight.LOOK_M` of the way out."""
+        """A station to turn to at once, straight, or `HERE`; None to fly on. Asked every `flight.LOOK_M`, on the way out and on the way to where it was turned to."""
         del seen
         return None
 

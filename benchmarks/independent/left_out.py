@@ -15,10 +15,9 @@ With 19 other days the quantile of 50, 80 and 95 % is the 10th, 16th and 19th of
 from __future__ import annotations
 
 import argparse
-import json
 import math
 import sys
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -30,7 +29,7 @@ from benchmarks.independent.information import LEVELS
 from benchmarks.independent.product import planning, promise
 from benchmarks.independent.product.supervised import Supervised
 from benchmarks.independent.statistics import over_days
-from benchmarks.independent.study import Study, orders
+from benchmarks.independent.study import Study, append_line, orders, read_lines
 from benchmarks.independent.verdict import RESERVE, SAME_TIME, TENTH_S
 from benchmarks.independent.worlds import worlds
 
@@ -47,15 +46,23 @@ NEIGHBOUR_DAYS = 2
 """Days nearer than that share hours, and do not promise for each other."""
 
 
-def flown(study: Study, order: Order, chosen: Sequence[World], longest_s: float) -> Iterator[dict[str, Any]]:
-    """Simulate and fly an order on the days of its season: one JSON document a world; none where the fixed route takes longer than `longest_s` on average."""
+@dataclass(frozen=True)
+class LeftOut(Study):
+    """What is flown: one delivery on each of `days` days of the season of each order, evenly."""
+
+    longest_min: float = 60.0
+    """Orders whose fixed route takes longer on average are not flown."""
+
+
+def flown(study: LeftOut, order: Order, chosen: Sequence[World]) -> Iterator[dict[str, Any]]:
+    """Simulate and fly an order on the days of its season: one JSON document a world."""
     simulated: dict[str, dict[date, float] | None] = {}
     plans: dict[tuple[str, date], planning.Planned | None] = {}
     city = planning.city(study.city)
     for world in chosen:
         if world.kept_back not in simulated:
             plan = planning.planned(study.city, order, (), world.kept_back)
-            short = plan is not None and plan.promise.mean_s <= longest_s
+            short = plan is not None and plan.promise.mean_s <= 60.0 * study.longest_min
             simulated[world.kept_back] = promise.simulated(plan, study.days) if plan is not None and short else None
         promised = simulated[world.kept_back]
         document: dict[str, Any] = {"world": world.name, "order": asdict(order), "flown": promised is not None}
@@ -139,17 +146,15 @@ def main(argv: list[str] | None = None) -> int:
     options = parser.parse_args(argv)
     known = worlds(tuple(site.id for site in planning.city(options.city).sites))
     chosen = [known[name] for name in options.worlds.split(",")]
-    study = Study(options.city, "fly", options.requests, options.days, 1, options.seed)
-    lines = options.out.read_text(encoding="utf-8").splitlines() if options.out and options.out.exists() else []
-    found = [json.loads(line) for line in lines]
+    study = LeftOut(options.city, "fly", options.requests, options.days, 1, options.seed, longest_min=options.longest)
+    found = read_lines(options.out, study) if options.out is not None else []
     done = {(one["world"], one["order"]["seed"]) for one in found}
     for order in orders(study):
         missing = [world for world in chosen if (world.name, order.seed) not in done]
-        for document in flown(study, order, missing, 60.0 * options.longest) if missing else ():
+        for document in flown(study, order, missing) if missing else ():
             found.append(document)
             if options.out is not None:
-                with options.out.open("a", encoding="utf-8") as file:
-                    file.write(json.dumps(document) + "\n")
+                append_line(options.out, study, document)
     for line in report(found):
         print(line)
     return 0

@@ -187,6 +187,14 @@ def read_lines(path: Path, study: Study) -> list[dict[str, Any]]:
     return found
 
 
+def append_line(path: Path, study: Study, document: dict[str, Any]) -> None:
+    """Add what was flown to the file of a study, for `read_lines`; a new file begins with the study, and a line cut off is left alone."""
+    there = path.read_text(encoding="utf-8") if path.exists() else ""
+    begin = "" if there.endswith("\n") else "\n" if there else json.dumps(asdict(study)) + "\n"
+    with path.open("a", encoding="utf-8") as file:
+        file.write(begin + json.dumps(document) + "\n")
+
+
 def digest(documents: Sequence[dict[str, Any]]) -> str:
     """Checksum of results: the same seed gives the same."""
     return f"{zlib.crc32(json.dumps(list(documents), sort_keys=True).encode()):08x}"

@@ -15,7 +15,7 @@ import tracemalloc
 from typing import TYPE_CHECKING
 
 from skyway.models.base.address import Address
-from skyway.models.network.network import Station
+from skyway.models.network.station import Station
 from skyway.sim_stub.autopilot.items import Command, Frame, Item
 from skyway.sim_stub.autopilot.modes import Mode
 from skyway.sim_stub.config import VehicleConfig

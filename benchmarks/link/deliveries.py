@@ -160,7 +160,7 @@ class Scripted:
         if answer is not None:
             self._due.append((self.now_s() + answer[0], answer[1]))
 
-    def heard(self) -> Said | None:
+    def next_input(self) -> Said | None:
         """Say what is due."""
         if self._due and self._due[0][0] <= self.now_s():
             return Said(self._due.popleft()[1])

@@ -17,7 +17,7 @@ from skyway.missions.items.coordinates import Point
 from skyway.missions.recharge.pad_ways import TransitRules
 from skyway.models.base import geodesy
 from skyway.models.drones.drone import M200_V2
-from skyway.models.network.network import Station
+from skyway.models.network.station import Station
 from skyway.models.wind.forecast import constant_wind
 from skyway.recharge.flying.work_job import job_of
 from skyway.recharge.output import parameters_of

@@ -1,1 +1,1 @@
-"""How good and how fast what is decided on the way is."""
+"""Quality and computing time of online decisions."""

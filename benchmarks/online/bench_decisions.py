@@ -1,9 +1,9 @@
-"""How long decisions of a delivery under way take in a dense city: 1,000 stations on a square of 60 km.
+"""Computing time of decisions during a delivery in a dense city: 1,000 stations on a square of 60 km.
 
-Each trial is the first leg of a plan of `robust`, at an hour, in a forecast, with queues of its own. Decided is at its start, before take-off, and three times
-on the way, with charges from what the plan expects down to what will not do: whoever is in danger weighs every station inside the fence. A decision counts whole,
-as a flight asks for it: the forecast is brought up to date with winds measured on the way (`update_forecast`), then the policy decides. Times are processor time
-of the one thread that decides. The peer that ratios are of is networkx: the shortest way by distance on the same network (Dijkstra).
+Each trial is the first leg of a plan of `robust`, at an hour, in a forecast, with its own queues. Decisions are made at its start, before take-off, and three times
+on the way, with charges from the expected one down to insufficient ones: with too little charge every station inside the fence is evaluated. A decision is timed as a whole,
+as in a flight: the forecast is updated with winds measured on the way (`update_forecast`), then the policy decides. Times are processor time
+of the one thread that decides. The reference for ratios is networkx: the shortest path by distance on the same network (Dijkstra).
 """
 
 from __future__ import annotations
@@ -34,23 +34,23 @@ if TYPE_CHECKING:
 
 SEED, STATIONS, TRIALS = 23, 1_000, 40
 SHARES = 0.2, 0.5, 0.8
-"""Of the leg that are flown where it is decided."""
+"""Shares of the leg flown at the decisions."""
 SHORT_SOC = 0.0, 0.05, 0.15
-"""Charge that is missing against what the plan expects."""
+"""Charge missing against the plan."""
 MEASURED_S = 150.0
 TARGET_MS = 250.0
-"""For the p99 of a decision in the air."""
+"""Target for the 99th percentile of a decision in the air, ms."""
 
 
 def measure(trials: int = TRIALS) -> list[Figure]:
     """Time decisions on the ground and in the air."""
     scenario = dense(STATIONS, SEED)
     rng = np.random.default_rng(SEED)
-    asked = requests(scenario, trials)
+    given = requests(scenario, trials)
     ground: list[float] = []
     calm: list[float] = []
     danger: list[float] = []
-    for number, request in enumerate([asked[0], *asked]):
+    for number, request in enumerate([given[0], *given]):
         forecast = scenario.forecast(request.state.time, HORIZON_H)
         try:
             found = plan(scenario, request, planner="robust", forecast=forecast)
@@ -64,7 +64,7 @@ def measure(trials: int = TRIALS) -> list[Figure]:
             plan=found.composition,
         )  # fmt: skip
         begun = time.thread_time()
-        told = policy.on_ground(known, tell=True)
+        decision = policy.on_ground(known, tell=True)
         spent = time.thread_time() - begun
         if number:
             ground.append(spent)
@@ -99,7 +99,7 @@ def measure(trials: int = TRIALS) -> list[Figure]:
                 decided = policy.in_air(
                     Information(
                         time_s=time_s, soc=max(soc, 0.02), forecast=now, belief=belief, here=here, via=first.via, destination=first.destination,
-                        diverts=told.diverts, sudden=True, flight=FlightMemory(),
+                        diverts=decision.diverts, sudden=True, flight=FlightMemory(),
                     )
                 )  # fmt: skip
                 spent = time.thread_time() - begun
@@ -107,7 +107,7 @@ def measure(trials: int = TRIALS) -> list[Figure]:
                     (danger if decided.action in ("divert", "land") or "options" in decided.figures else calm).append(
                         spent
                     )
-    peer_ms = 1000.0 * networkx_s(scenario, asked)
+    peer_ms = 1000.0 * networkx_s(scenario, given)
     return [
         *_figures("on the ground", ground, peer_ms, None),
         *_figures("in the air", calm + danger, peer_ms, TARGET_MS),

@@ -1,7 +1,7 @@
-"""Planning again at every stop against the rest: 500 deliveries on held-out days, the same truths for all.
+"""Replanning at every stop against the other planners: 500 deliveries on held-out days, the same realizations for all.
 
-Each delivery of an instance is planned by every rival and flown in the same runs; the clairvoyant `exact` is told each run.
-Results are written as they come, one delivery a line, and a run that was broken off goes on where it was; several
+Each delivery of an instance is planned by every planner and flown in the same runs; the clairvoyant `exact` has perfect information about each run.
+Results are written immediately, one delivery per line, and an interrupted run continues where it ended; several
 processes may write parts of one instance to the same file. One decision takes 0.1 to 2 s, a delivery a few seconds, so
 that 500 deliveries take a quarter of an hour to an hour on one core. `--alone` flies the rolling horizon without its rivals,
 `--no-gusts` in truths without gusts and errors of energy, of which it is told.
@@ -42,15 +42,15 @@ RIVALS = (
     Contender("pfs", "full"),
 )
 BEST = "exact"
-"""The clairvoyant planner that all are compared with."""
+"""The planner with perfect information, to which all are compared."""
 ABOVE_BEST = 4.0
-"""Percent above the clairvoyant that are allowed on average."""
+"""Target for the mean excess over `BEST`, percent."""
 BELOW = {"pfs-charge-aware": 15.0, "pfs": 60.0}
-"""Percent below other planners that are wanted on average, on requests that all solve."""
+"""Target for the mean reduction against other planners, percent, on requests that all solve."""
 
 
 def try_delivery(case: Case, rivals: Sequence[Contender] = RIVALS) -> Row:
-    """Let rivals fly one delivery: a line of the file of results, times in seconds, None where not delivered."""
+    """Fly one delivery with some planners: a line of the file of results, times in seconds, None if not delivered."""
     delivery = case.instance.deliveries[case.number]
     best, spent, _ = clairvoyant_times(case.realizations, case.instance.drone, BEST, range(len(case.realizations)))
     row: Row = {"number": case.number, "day": delivery.truth, BEST: {"delivery_s": _plain(best), "seconds": spent}}
@@ -78,7 +78,7 @@ def run(
     rivals: Sequence[Contender] | None = None,
     progress: Callable[[str], None] = print,
 ) -> None:
-    """Fly the deliveries of an instance that a file of results does not hold yet, every n-th from the k-th on."""
+    """Fly the deliveries of an instance that are not yet in a file of results, every n-th from the k-th on."""
     scenario = instance.scenario()
     for number in missing(path, len(instance.deliveries), part):
         row = try_delivery(case_of(scenario, instance, number, instance.runs), RIVALS if rivals is None else rivals)
@@ -88,7 +88,7 @@ def run(
 
 
 def figures_of(rows: Sequence[Row]) -> list[Figure]:
-    """What planning again reaches, beside what is wanted; times over the runs that all delivered, failures counted apart."""
+    """Return the results of replanning, with the targets; times over the runs that all delivered, failures counted separately."""
     names = [BEST, *(rival.label for rival in RIVALS if rival.label in rows[0])]
     times = {name: _times(rows, name) for name in names}
     day = np.repeat([int(row["day"].replace("-", "")) for row in rows], [len(row[BEST]["delivery_s"]) for row in rows])
@@ -132,7 +132,7 @@ def _above(
     target: float | None,
     note: str,
 ) -> Figure:
-    """Mean delivery time above that of another, percent, with its interval over days."""
+    """Mean excess of the delivery time over that of another planner, percent, with its interval over days."""
     ratio = DayBootstrap(day[runs]).ratio(times[name][runs], times[other][runs]).scaled(100.0)
     note = f"95 %: {ratio.low - 100.0:.1f} to {ratio.high - 100.0:.1f}, {runs.sum()} {note}"
     return Figure(f"{name} above {other}", ratio.value - 100.0, "%", target, note)
@@ -146,7 +146,7 @@ def main() -> int:
         "--out", type=Path, default=Path("out/bench/rolling.jsonl"), help="results; what is in it is kept"
     )
     parser.add_argument("--part", default="0/1", help="k/n: every n-th delivery from the k-th on, for n processes")
-    parser.add_argument("--deliveries", type=int, default=10**6, help="the first so many only")
+    parser.add_argument("--deliveries", type=int, default=10**6, help="number of deliveries, from the first on")
     parser.add_argument("--runs", type=int, default=10**6, help="of each delivery, at most")
     parser.add_argument("--alone", action="store_true", help="the rolling horizon and the clairvoyant only")
     parser.add_argument("--no-gusts", action="store_true", help="truths without gusts and errors of energy")

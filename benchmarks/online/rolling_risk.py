@@ -1,8 +1,8 @@
-"""How often planning again at every stop would land below the reserve: each flight flown again in many gusts.
+"""Probability of landing below the reserve with replanning at every stop: each flight is repeated in many gusts.
 
-Deliveries in which it happens are one in a thousand and more, so that counting them takes tens of thousands. Instead each flight of a few
-deliveries, begun with the charge that it was begun with, is flown again in other gusts; what the shares add up to over a
-delivery is how many landings below the reserve it has on average, and no fewer than the deliveries that have one.
+Such deliveries are rarer than one in a thousand, so that counting them takes tens of thousands. Instead each flight of a few
+deliveries is repeated from its initial charge in other gusts; the sum of the shares over a
+delivery is its mean number of landings below the reserve, an upper bound of the probability of one or more.
 """
 
 from __future__ import annotations
@@ -28,17 +28,18 @@ if TYPE_CHECKING:
     from skyway.planner.evaluation.decisions import Again
 
 OF = 20_000
-"""Deliveries that the figure is told for."""
+"""Number of deliveries for which the figure is stated."""
 ALLOWED = 12.0
 FIRST = 40
-"""Gusts that a flight is tried in first; one that lands `FAR` deviations above the reserve in these is not tried in more."""
+"""Number of gusts in the first trial of a flight; one that lands `FAR` standard deviations above the reserve in
+these is not tried in more."""
 FAR = 6.5
 SEED = 11
 
 
 @dataclass
 class Watch:
-    """Flies each flight again, and adds up the shares that land below the reserve."""
+    """Repeats each flight, and adds up the shares that land below the reserve."""
 
     reserve: float
     gusts: int
@@ -47,7 +48,7 @@ class Watch:
     flights: int = 0
 
     def __call__(self, flight: Again) -> None:
-        """Take one flight."""
+        """Process one flight."""
         keys = self.rng.integers(0, 2**63, self.gusts)
         spare = [flight.charge_left(int(key)) - self.reserve for key in keys[:FIRST]]
         if np.mean(spare) < FAR * np.std(spare):
@@ -57,7 +58,7 @@ class Watch:
 
 
 def measure(instance: Instance, gusts: int, runs: int = 1) -> list[Figure]:
-    """Fly the first so many runs of each delivery."""
+    """Fly a number of runs of each delivery."""
     scenario = instance.scenario()
     broken, flights, days = [], 0, []
     for number, delivery in enumerate(instance.deliveries):
@@ -78,7 +79,7 @@ def main() -> int:
     """Measure from a command line."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--instance", type=Path, default=LONG_FILE)
-    parser.add_argument("--deliveries", type=int, default=10**6, help="the first so many only")
+    parser.add_argument("--deliveries", type=int, default=10**6, help="number of deliveries, from the first on")
     parser.add_argument("--runs", type=int, default=1, help="of each delivery")
     parser.add_argument("--gusts", type=int, default=600, help="that each flight is flown in")
     options = parser.parse_args()

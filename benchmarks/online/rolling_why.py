@@ -1,9 +1,9 @@
-"""What planning again at every stop loses to the clairvoyant, and to what it does not know.
+"""Loss of replanning at every stop against perfect information, and the part due to each unknown.
 
-The same deliveries are flown again by the same rules, told more than anybody knows: the wind, the queues, or both; and in
-truths without gusts and errors of the vehicle's energy, which the clairvoyant `exact` does not count with either. Beside it stands
-a bound for who flies each flight that is begun to its end: what `exact` needs, told wind and queues, that lands with the least charge
-that must be kept for gusts which nobody foresees.
+The same deliveries are flown again by the same rules with perfect information about the wind, the queues, or both; and in
+realizations without gusts and errors of the vehicle's energy, which the clairvoyant `exact` does not consider either. A further result is
+a bound for policies that complete each flight: the time of `exact` with perfect information about wind and queues, which lands with the least charge
+that must be reserved for unpredictable gusts.
 """
 
 from __future__ import annotations
@@ -43,69 +43,69 @@ if TYPE_CHECKING:
     from skyway.planner.robust.information_kernels import Known
 
 NOTHING, QUEUES, WIND, BOTH = "nothing", "queues", "wind", "both"
-TOLD = (NOTHING, QUEUES, WIND, BOTH)
+REVEALED = (NOTHING, QUEUES, WIND, BOTH)
 BOUND = "exact, least reserve for gusts"
 """Name of the bound in the file of results."""
 DEVIATIONS = (1.0, 2.0, 3.1)
-"""Of the mean gust of a flight that `exact` is asked to bear, too; the last is exceeded once in a thousand."""
+"""Deviations of the mean gust of a flight that `exact` must also bear; the last is exceeded once in a thousand."""
 
 
-class ToldProblem(Problem):
-    """A problem whose queues are those of the truth, but for the line in which the drone stands."""
+class InformedProblem(Problem):
+    """A problem whose queues are the true ones, except for the queue in which the drone stands."""
 
-    told: dict[int, QueuePath]
+    revealed: dict[int, QueuePath]
 
     def queue_paths(self, nodes: Iterable[int], sample: int, seed: int | None = None) -> dict[int, QueuePath]:
-        """Give the true ones."""
+        """Return the true queues."""
         sampled = super().queue_paths(nodes, sample, seed)
         mine = None if self.in_flight else self.origin
-        return {node: path if node == mine else self.told.get(node, path) for node, path in sampled.items()}
+        return {node: path if node == mine else self.revealed.get(node, path) for node, path in sampled.items()}
 
 
-class ToldPolicy(OnlinePolicy):
-    """The online policy that is told the queues."""
+class InformedPolicy(OnlinePolicy):
+    """The online policy with perfect information about the queues."""
 
     queues: dict[int, QueuePath]
 
     def problem(self, info: Information) -> Problem:
         """The rest of the delivery, with the true queues."""
         plain = super().problem(info)
-        now = ToldProblem(plain.scenario, plain.request, plain.drone, info.forecast)
-        now.told = self.queues
+        now = InformedProblem(plain.scenario, plain.request, plain.drone, info.forecast)
+        now.revealed = self.queues
         return now
 
 
 @dataclass(frozen=True)
-class ToldRolling(RollingRobust):
-    """`RollingRobust` that is told the queues."""
+class InformedRolling(RollingRobust):
+    """`RollingRobust` with perfect information about the queues."""
 
     queues: dict[int, QueuePath] = field(default_factory=dict)
 
     @cached_property
-    def policy(self) -> ToldPolicy:
-        """What is flown."""
-        found = ToldPolicy(self.start.scenario, self.start.request, self.start.parameters, errors=self.errors)
+    def policy(self) -> InformedPolicy:
+        """The policy that is flown."""
+        found = InformedPolicy(self.start.scenario, self.start.request, self.start.parameters, errors=self.errors)
         found.queues = self.queues
         return found
 
 
-def fly_told(case: Case, told: str) -> float:
-    """Delivery time of the first run, s, of the rolling horizon with a perfect forecast of something; NaN where not delivered."""
+def fly_informed(case: Case, revealed: str) -> float:
+    """Delivery time of the first run, s, of the rolling horizon with perfect information about something; NaN if not delivered."""
     realizations, drone = case.realizations, case.instance.drone
-    forecast = realizations.wind.member(int(realizations.day[0])) if told in (WIND, BOTH) else case.forecast
+    forecast = realizations.wind.member(int(realizations.day[0])) if revealed in (WIND, BOTH) else case.forecast
     start = Problem(case.scenario, realizations.request, case.scenario.drone(drone), forecast)
     policy = RollingRobust(start, realizations.errors)
-    if told in (QUEUES, BOTH):
+    if revealed in (QUEUES, BOTH):
         problem = realizations.problem(drone)
         nodes = np.flatnonzero(problem.network.pads > 0).tolist()
-        policy = ToldRolling(
+        policy = InformedRolling(
             start, realizations.errors, queues=realizations.queues(problem, nodes, int(realizations.queue[0]))
         )
     return float(fly_policy(realizations, drone, policy, np.array([0]))[0].delivery_s[0])
 
 
-def _told_all(case: Case) -> tuple[Problem, dict[int, QueuePath], Known]:
-    """The first run of a delivery as a clairvoyant is told it: its wind, its queues, and what gusts there are."""
+def _all_revealed(case: Case) -> tuple[Problem, dict[int, QueuePath], Known]:
+    """The first run of a delivery with perfect information: its wind, its queues, and its gusts."""
     request, wind = case.realizations.perfect_information(0)
     p = Problem(case.scenario, request, case.scenario.drone(case.instance.drone), wind)
     known = known_at(p, case.realizations.errors, measured=True, epsilon=p.epsilon)
@@ -113,14 +113,14 @@ def _told_all(case: Case) -> tuple[Problem, dict[int, QueuePath], Known]:
 
 
 def clairvoyant_and_bound(case: Case) -> tuple[float, float]:
-    """Delivery times, s: of `exact` told wind and queues, and of the same with the least reserve for gusts.
+    """Delivery times, s: of `exact` with perfect information about wind and queues, and of the same with the least reserve for gusts.
 
-    A flight that begins by what is known then, and does not turn back, must land with the reserve in all but epsilon of its
+    A flight that begins with the information available, and does not turn back, must land with the reserve in all but epsilon of its
     gusts. To first order a gust of the mean g slows a flight by at least `LATERAL` times g, whatever its course; the mean varies least over the longest flight
-    that the battery allows, and a share of the ground speed is least with the wind behind. With the least wind of any site
-    in any slot up to some time that is a bound for all that arrive by then, and who arrives later does not arrive earlier.
+    that the battery allows, and as a share of the ground speed it is least with a tail wind. With the least wind of any site
+    in any slot up to some time that is a bound for all that arrive by then; later arrivals are above it anyway.
     """
-    p, queues, known = _told_all(case)
+    p, queues, known = _all_revealed(case)
     share = NormalDist().inv_cdf(1.0 - p.epsilon) * LATERAL * float(gust_mean(known, p.longest_flight_s))
     calmest = np.hypot(p.air.north[0], p.air.east[0]).min(axis=1)
 
@@ -141,8 +141,8 @@ def clairvoyant_and_bound(case: Case) -> tuple[float, float]:
 
 
 def bearing_gusts(case: Case) -> Row:
-    """Delivery times, s, of `exact` told wind and queues, in ground speeds with a mean gust of some deviations against each flight."""
-    p, queues, known = _told_all(case)
+    """Delivery times, s, of `exact` with perfect information about wind and queues, in ground speeds with a mean gust of some deviations against each flight."""
+    p, queues, known = _all_revealed(case)
     gust = float(gust_mean(known, USUAL_FLIGHT_S))
     slots, segments = np.arange(p.air.north.shape[1]), np.arange(len(p.air.distance_m))
     found: Row = {}
@@ -154,7 +154,7 @@ def bearing_gusts(case: Case) -> Row:
 
 
 def run(instance: Instance, path: Path, part: tuple[int, int] = (0, 1)) -> None:
-    """Fly what a file of results does not hold yet: one line a delivery."""
+    """Fly the deliveries that are not yet in a file of results: one line per delivery."""
     scenario = instance.scenario()
     for number in missing(path, len(instance.deliveries), part):
         gusty = case_of(scenario, instance, number, instance.runs)
@@ -163,13 +163,17 @@ def run(instance: Instance, path: Path, part: tuple[int, int] = (0, 1)) -> None:
         row: Row = {"number": number, "day": instance.deliveries[number].truth, "exact": best, BOUND: bound}
         row |= bearing_gusts(gusty)
         realizations = {"gusts": gusty, "no gusts": still}
-        row |= {f"told {told}, {name}": fly_told(case, told) for name, case in realizations.items() for told in TOLD}
+        row |= {
+            f"told {revealed}, {name}": fly_informed(case, revealed)
+            for name, case in realizations.items()
+            for revealed in REVEALED
+        }
         plain = {key: None if isinstance(one, float) and not math.isfinite(one) else one for key, one in row.items()}
         append(path, plain)
 
 
 def figures_of(rows: Sequence[Row]) -> list[Figure]:
-    """How far each is above the clairvoyant on average, percent, over deliveries that arrive in all."""
+    """Mean excess of each over the planner with perfect information, percent, over deliveries that arrive in all."""
     names = [name for name in rows[0] if name not in ("number", "day", "exact")]
     whole = [row for row in rows if all(row[name] is not None for name in (*names, "exact"))]
     day = np.array([int(row["day"].replace("-", "")) for row in whole])
@@ -190,7 +194,7 @@ def main() -> int:
     parser.add_argument("--instance", type=Path, default=LONG_FILE)
     parser.add_argument("--out", type=Path, default=Path("out/bench/rolling-why.jsonl"), help="what is in it is kept")
     parser.add_argument("--part", default="0/1", help="k/n: every n-th delivery from the k-th on, for n processes")
-    parser.add_argument("--deliveries", type=int, default=10**6, help="the first so many only")
+    parser.add_argument("--deliveries", type=int, default=10**6, help="number of deliveries, from the first on")
     options = parser.parse_args()
     instance = read_instance(options.instance)
     instance = instance.cut(options.deliveries, instance.runs)

@@ -1,8 +1,8 @@
-"""The supervised deliveries of `benchmarks.link.supervision` without what hinders them: ``python -m benchmarks.online.unhindered --first 7000 --seeds 300``.
+"""The supervised deliveries of `benchmarks.link.supervision` without faults: ``python -m benchmarks.online.unhindered --first 7000 --seeds 300``.
 
 The same orders on the same held-out days are flown in sampled realizations by the online policy, with no fault, no vehicle and no link, and the
-wind at all airports measured at each decision; and by `exact` with perfect information about wind and queues. No policy that must also bear
-faults, and measures the wind only where it flies, can be expected to do better than the first; none at all does better than the second.
+wind at all airports measured at each decision; and by `exact` with perfect information about wind and queues. A policy that must also tolerate
+faults, and measures the wind only where it flies, cannot be expected to do better than the first; no policy can do better than the second.
 """
 
 from __future__ import annotations
@@ -26,11 +26,11 @@ from skyway.planner.problem.request import Request
 
 RUNS = 2
 LATE_MIN = 200.0
-"""What 95 % of the supervised deliveries were wanted to be within (issue 17)."""
+"""Target for the 95th percentile of the supervised deliveries (issue 17), min."""
 
 
 class Unhindered(NamedTuple):
-    """Delivery times of one order, min, one for each run; infinite where it is not delivered."""
+    """Delivery times of one order, min, one for each run; infinite if it is not delivered."""
 
     policy: list[float]
     perfect: list[float]
@@ -63,19 +63,19 @@ def unhindered(seed: int, runs: int = RUNS) -> Unhindered:
     )
 
 
-def told(name: str, minutes: list[float]) -> str:
-    """Tell how long deliveries take."""
+def statistics(name: str, minutes: list[float]) -> str:
+    """Return the statistics of the delivery times in one line."""
     times = np.array(minutes)
     quantiles = ", ".join(f"p{q} {np.percentile(times, q, method='higher'):.0f}" for q in (50, 90, 95))
     return f"{name}: {len(times)} deliveries, {quantiles} min, {100.0 * np.mean(times > LATE_MIN):.1f} % above {LATE_MIN:.0f} min or not delivered"
 
 
 def main() -> None:
-    """Fly many and print how long they take."""
-    asked = argparse.ArgumentParser(description=__doc__)
-    asked.add_argument("--first", type=int, default=7000)
-    asked.add_argument("--seeds", type=int, default=300)
-    given = asked.parse_args()
+    """Fly many orders and print the statistics of the delivery times."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--first", type=int, default=7000)
+    parser.add_argument("--seeds", type=int, default=300)
+    given = parser.parse_args()
     policy, perfect, below = list[float](), list[float](), 0
     for seed in range(given.first, given.first + given.seeds):
         try:
@@ -85,8 +85,8 @@ def main() -> None:
         policy += found.policy
         perfect += found.perfect
         below += found.below_reserve
-    print(told("no faults, wind measured at all airports", policy) + f"; {below} below the reserve")
-    print(told("perfect information", perfect))
+    print(statistics("no faults, wind measured at all airports", policy) + f"; {below} below the reserve")
+    print(statistics("perfect information", perfect))
 
 
 if __name__ == "__main__":

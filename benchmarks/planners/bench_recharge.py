@@ -24,7 +24,7 @@ from skyway.missions.recharge.pad_ways import TransitRules
 from skyway.models.base import geodesy
 from skyway.models.drones.drone import M200_V2
 from skyway.models.flight.kernels import Slots
-from skyway.models.network.network import Station
+from skyway.models.network.station import Station
 from skyway.planner.fixed_route.charging_stops import FixedRoute, charging_stops
 from skyway.planner.fixed_route.way_kernels import Hops
 from skyway.recharge.problem import RechargeOptions

@@ -24,7 +24,7 @@ from skyway.models.composition.composition import State
 from skyway.models.compute.spreading import spread
 from skyway.models.drones.drone import M200_V2
 from skyway.models.network.builders import build_network
-from skyway.models.network.network import ConnectionRule, Station
+from skyway.models.network.station import ConnectionRule, Station
 from skyway.models.queues.load import PadLoad
 from skyway.planner.parameters.planner import USUAL
 from skyway.planner.plan import plan

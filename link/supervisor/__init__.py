@@ -1,6 +1,6 @@
-"""Supervision of a delivery: leg by leg, learning and replanning, journaled; the only part of `link` that plans.
+"""Supervision of a delivery: leg by leg, learning and replanning, journaled; no other part of `link` plans.
 
-`Supervisor` takes a `DeliveryJob` to its end over any `link.vehicle.vehicle.Vehicle`; `states` is the table it goes by.
+`Supervisor` takes a `DeliveryJob` to its end over any `link.vehicle.vehicle.Vehicle`; `states` is its table of states.
 """
 
 from __future__ import annotations

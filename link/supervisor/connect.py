@@ -1,4 +1,4 @@
-"""Connecting to the vehicle at the beginning: its identity, its position, its contents."""
+"""Connection to the vehicle at the beginning: its identity, position and stored mission."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ if TYPE_CHECKING:
     from skyway.link.supervisor.context import After, Context
 
 KNOWN_S = 45.0
-"""So long we wait for position, charge and whether it is armed."""
+"""Maximum wait for position, charge and arming state, s."""
 LOOK_AGAIN_S = 15.0
-"""Wait this long on a fault that would end a delivery before its start."""
+"""Wait after a fault that would end a delivery before its start, s; then the vehicle is checked again."""
 
 
 def connecting(ctx: Context) -> After:
-    """Meet it; for the first time it must stand disarmed where the plan begins."""
+    """Connect to the vehicle; at the first start it must stand disarmed at the origin of the plan."""
     first_order(ctx)
     ctx.remote_id.begin(ctx)
     _meet(ctx)
@@ -54,18 +54,18 @@ def connecting(ctx: Context) -> After:
 
 
 def _meet(ctx: Context) -> None:
-    """Wait until position, charge, and whether it is armed and landed are known."""
+    """Wait until position, charge, arming and landed state are known."""
     request_telemetry(ctx)
     end = ctx.clock.now_s() + KNOWN_S
-    asked = ctx.clock.now_s()
+    requested_s = ctx.clock.now_s()
     while ctx.clock.now_s() < end:
         ctx.tick()
         s = ctx.observed.sample
         if s is not None and ctx.place is not None and all(map(math.isfinite, (s.armed, s.landed, ctx.battery.soc))):
             return
-        if ctx.clock.now_s() > asked + 10.0:
+        if ctx.clock.now_s() > requested_s + 10.0:
             must_answer(ctx, "the drone does not send the telemetry it was asked for")
-            asked = ctx.clock.now_s()
+            requested_s = ctx.clock.now_s()
             request_telemetry(ctx)
     s = ctx.observed.sample
     lacking = ["position"] if ctx.place is None else []
@@ -78,6 +78,6 @@ def _meet(ctx: Context) -> None:
 
 
 def _wrong_place(station: str | None, origin: str) -> str:
-    """What is wrong where it does not stand at the beginning of the plan."""
+    """Describe the fault if the vehicle does not stand at the origin of the plan."""
     where = "not at a known station" if station is None else f"at {station}"
     return f"the drone is {where}, and the plan begins at {origin}: bring it there, or plan from where it is"

@@ -15,7 +15,7 @@ from skyway.link.supervisor.flight.track import Track
 from skyway.link.supervisor.journal.entries import Changed, PlanTaken, Rebooted
 from skyway.link.supervisor.journal.standing import standing
 from skyway.link.supervisor.observed.clients import tell_clients, tell_radios, tell_traffic
-from skyway.link.supervisor.observed.link_watch import LinkWatch, must_be_heard, request_telemetry
+from skyway.link.supervisor.observed.link_watch import LinkWatch, must_be_in_contact, request_telemetry
 from skyway.link.supervisor.observed.vehicle_state import VehicleState
 from skyway.link.supervisor.observed.vehicle_texts import TextLog, tell_texts
 from skyway.link.supervisor.proof.proof import Proof
@@ -47,16 +47,16 @@ if TYPE_CHECKING:
     from skyway.planner.problem.request import Request
 
 After = tuple[State, str]
-"""The next state, and why."""
+"""The next state, and the reason for it."""
 TICK_S, REST_TICK_S = 1.0, 3.0
-"""How often a supervisor looks; and where its drone rests on a pad, and no person may say something meanwhile."""
+"""Step of the supervisor, s: normally, and while the drone rests on a pad and no operator can give input."""
 
 
 @dataclass(frozen=True, slots=True)
 class Context:
     """A delivery under way: its inputs, and one owner for each part of its state.
 
-    A part is written by its own methods alone; every state reads all of them (decision 0075).
+    Only its own methods write a part; every state reads all parts (decision 0075).
     """
 
     vehicle: Vehicle
@@ -71,7 +71,7 @@ class Context:
     energy: EnergyLearning
     conversation: Conversation
     on_tick: Callable[[Context], None] | None = None
-    """Told after each second."""
+    """Called after each step."""
     observed: VehicleState = field(default_factory=VehicleState)
     battery: SocEstimator = field(default_factory=SocEstimator)
     lean: LeanWatch = field(default_factory=LeanWatch)
@@ -90,13 +90,13 @@ class Context:
 
     @property
     def request(self) -> Request:
-        """The current request: the delivery, or from the target on the flight after it."""
+        """The current request: the delivery, or the flight that follows it from the target."""
         onward = self.delivery.onward
         return self.job.request if onward is None else onward.request(self.job.request)
 
     @property
     def work(self) -> WorkProgress:
-        """Progress of the work, where the drone flies a mission."""
+        """Progress of the work, if the drone flies a mission."""
         return self.delivery.work
 
     def delivers_at(self, station: str | None) -> bool:
@@ -104,7 +104,7 @@ class Context:
         hands_over = self.job.hands_over and self.job.work is None
         return hands_over and self.delivery.onward is None and station == self.job.request.destination
 
-    # What is asked of the parts most often
+    # Values of the parts that many states read
 
     @property
     def state(self) -> State:
@@ -113,17 +113,17 @@ class Context:
 
     @property
     def on_ground(self) -> bool:
-        """Whether it is known to stand disarmed on the ground."""
+        """Whether the vehicle is known to stand disarmed on the ground."""
         return self.observed.on_ground
 
     @property
     def in_air(self) -> bool:
-        """Whether it flies, or is armed and not known to be on the ground."""
+        """Whether the vehicle flies, or is armed and not known to be on the ground."""
         return self.observed.in_air
 
     @property
     def place(self) -> tuple[float, float] | None:
-        """Latitude and longitude; None where they are unknown."""
+        """Latitude and longitude of the vehicle; None if unknown."""
         return self.observed.place
 
     @property
@@ -138,24 +138,24 @@ class Context:
 
     @property
     def stands_in_air(self) -> bool:
-        """Whether it was told to hover on its way, by a person or for another aircraft."""
+        """Whether the vehicle holds its position in the air, on a person's order or for another aircraft."""
         return self.conversation.paused or self.give_way.holds
 
     def here_station(self) -> str | None:
-        """Station at which it is, of all that are known."""
+        """Known station at the vehicle's position, or None."""
         return self.delivery.station_at(self.place, self.job.scenario)
 
     # Time
 
     @property
     def now_s(self) -> float:
-        """POSIX seconds."""
+        """Current time, POSIX seconds."""
         return self.clock.posix_s()
 
     def tick(self, duration_s: float = TICK_S) -> list[Change]:
-        """Let time pass, listening, and return what became different about the vehicle; what others change ends it at once.
+        """Let time pass, process messages, and return what changed about the vehicle; a change ends the wait at once.
 
-        Whatever takes the delivery to another state is raised as a `Turn`.
+        An event that moves the delivery to another state is raised as a `Turn`.
         """
         for sample in self.vehicle.samples(duration_s, undisturbed=True):
             self.observed.hear(sample)
@@ -180,7 +180,7 @@ class Context:
         self.track.write(self)
         if self.on_tick is not None:
             self.on_tick(self)
-        must_be_heard(self)
+        must_be_in_contact(self)
         must_be_alone(self)
         if self.state in ON_GROUND:
             refuse_on_ground(self, changes)
@@ -188,7 +188,7 @@ class Context:
         return changes
 
     def _after_reboot(self) -> None:
-        """Telemetry is requested again from a vehicle that has restarted."""
+        """Request telemetry again from a vehicle that has restarted."""
         if self.observed.restarted(self.vehicle.reboots):
             self.battery.forget()
             self.link.restarted()
@@ -198,7 +198,7 @@ class Context:
             request_telemetry(self)
 
     def _end_overdue(self) -> None:
-        """End a state that lasts too long; a vehicle that flies is never said to have stopped."""
+        """End a state that exceeds its time limit; a vehicle in flight is never reported as stopped."""
         rule = TABLE[self.state]
         if rule.overdue is None or self.clock.now_s() - self.status.entered_s <= rule.longest_s:
             return
@@ -213,15 +213,15 @@ class Context:
             self.tick(min(left, TICK_S))
 
     def wait_until(self, posix_s: float) -> None:
-        """Let time pass until an instant of the vehicle's time."""
+        """Let time pass until an instant of the vehicle's clock."""
         tick_s = REST_TICK_S if self.link.resting and self.job.dispatched else TICK_S
         while self.now_s < posix_s:
             self.tick(min(max(posix_s - self.now_s, 0.05), tick_s))
 
-    # Saying
+    # Messages and journal
 
     def note(self, entry: Entry, reason: str | None = None) -> Record:
-        """Write into the journal."""
+        """Write a journal entry."""
         return self.journal.write(self.state, entry, reason, flight=self.delivery.flight)
 
     def tell(self, line: str) -> None:
@@ -229,11 +229,11 @@ class Context:
         self.operator.tell(line)
 
     def say(self, entry: Entry, reason: str) -> None:
-        """Write into the journal, and say it to the operator."""
+        """Write a journal entry, and show its sentence to the operator."""
         self.note(entry, reason)
         self.tell(reason)
 
     def note_plan(self, reason: str) -> None:
-        """Write the plan in force, and all that a resume needs."""
+        """Write the plan in force, and all data needed for a resume."""
         plan = None if self.delivery.plan is None else to_json(self.delivery.plan)
         self.note(PlanTaken(plan=plan, standing=standing(self)), reason)

@@ -1,4 +1,4 @@
-"""The conversation between the supervisor and the operator: questions, answers, commands, Ctrl-C."""
+"""Dialogue between the supervisor and the operator: questions, answers, commands, Ctrl-C."""
 
 from __future__ import annotations
 
@@ -18,26 +18,26 @@ if TYPE_CHECKING:
     from skyway.link.supervisor.operators import Operator, Said
 
 STALE_S = 30.0
-"""A request that was made so long ago is not taken: the person has seen other things since."""
+"""Maximum age of a request, s: since an older one the situation may have changed."""
 
 
 @dataclass(slots=True)
 class Conversation:
-    """The conversation with one operator, or with several of whom one has command."""
+    """Dialogue with one operator, or with several of whom one has command."""
 
     operator: Operator
     question: str | None = None
-    """What was asked and is not answered."""
+    """The open question; None if there is none."""
     answers: tuple[str, ...] = ()
-    """What it may be answered with."""
-    asked_n: int = 0
-    """Number of the record that asks it."""
+    """Answers allowed to it."""
+    question_n: int = 0
+    """Number of the journal record with it."""
     stays: bool = False
     """The operator wants the vehicle to stay at the next landing."""
-    asked_once: bool = False
-    """A take-off of this delivery was allowed."""
+    take_off_confirmed: bool = False
+    """A take-off of this delivery was confirmed."""
     paused: bool = False
-    """It was told to stop on its way, and has not been told to go on."""
+    """The vehicle was ordered to hold its position, and not yet to continue."""
     commander: Commander = field(default_factory=Commander)
     _words: list[str] = field(default_factory=list)
     _orders: deque[Said] = field(default_factory=deque)
@@ -46,49 +46,49 @@ class Conversation:
 
     @property
     def attended(self) -> bool:
-        """Whether an answer may come: somebody is attending, or has typed something not yet read."""
+        """Whether an answer is possible: an operator is present, or unread input exists."""
         return self.operator.present or bool(self._words)
 
     def next_word(self) -> str | None:
-        """Take the next thing said, in small letters; None where there is none."""
+        """Take the next input, in lower case; None if there is none."""
         return self._words.pop(0) if self._words else None
 
     def next_order(self) -> Said | None:
-        """Take the next order to a vehicle in the air; None where there is none."""
+        """Take the next command for a vehicle in the air; None if there is none."""
         return self._orders.popleft() if self._orders else None
 
     def forget(self) -> None:
-        """Forget what was said so far: it was no answer to what is asked now."""
+        """Discard all input so far: it does not answer the present question."""
         self._words.clear()
         self._orders.clear()
 
     def end_flight(self) -> None:
-        """Forget what was ordered of a flight that is over."""
+        """Discard the commands for a flight that has ended."""
         self._orders.clear()
         self.paused = False
 
     def pause(self, *, on: bool) -> None:
-        """Record that the drone hovers, or flies on."""
+        """Record that the drone holds its position, or continues."""
         self.paused = on
 
     def allow(self, *, once: bool = True) -> None:
-        """Note that a take-off was allowed."""
-        self.asked_once = once
+        """Record that a take-off was confirmed."""
+        self.take_off_confirmed = once
 
     def ask_again(self, *, stays: bool) -> None:
-        """Record that a person ended the flight: ask before the next take-off, or make none before somebody types `go`."""
-        self.asked_once = False
+        """Record that a person ended the flight: the next take-off needs a confirmation, or, if the drone stays, the command `go`."""
+        self.take_off_confirmed = False
         self.stays = self.stays or stays
 
-    def restore(self, told: Ordered) -> None:
-        """Follow an ``order`` record of a journal: what was taken once is never taken again."""
-        self._known.add(told.id or "")
-        if told.holder is not None:
-            self.commander.restore(Person(told.holder, told.holder_name or "somebody"))
+    def restore(self, entry: Ordered) -> None:
+        """Restore from an ``order`` record of a journal: a request that was processed once is never processed again."""
+        self._known.add(entry.id or "")
+        if entry.holder is not None:
+            self.commander.restore(Person(entry.holder, entry.holder_name or "somebody"))
 
     def listen(self, ctx: Context) -> None:
-        """Read what the operator types at any time; Ctrl-C on the ground, or twice in the air, raises a `Turn`."""
-        if (said := self.operator.heard()) is not None:
+        """Read the operator's input at any time; Ctrl-C on the ground, or twice in the air, raises a `Turn`."""
+        if (said := self.operator.next_input()) is not None:
             self._take(ctx, replace(said, word=" ".join(said.word.split()).lower()))
         if over := self.commander.overdue(ctx.vehicle.connection.clock.now_s()):
             self._note_command(ctx, "take", "taken", over)
@@ -121,17 +121,17 @@ class Conversation:
             self._do(ctx, replace(said, word=meant))
 
     def _note_command(self, ctx: Context, word: str, done: str, why: str, said: Said | None = None) -> None:
-        """Write down what became of command."""
+        """Journal the effect of a command."""
         holder = self.commander.holder
-        told = Ordered(
+        entry = Ordered(
             word=word, done=done, id=None if said is None else said.id, who=None if said is None else said.who,
             name=None if said is None else said.name, holder=None if holder is None else holder.id,
             holder_name=None if holder is None else holder.name,
         )  # fmt: skip
-        ctx.say(told, why)
+        ctx.say(entry, why)
 
     def _refused(self, ctx: Context, said: Said, meant: str | None) -> str:
-        """Why a request is not taken; nothing where it is."""
+        """Return why a request is rejected; empty if it is accepted."""
         if why := self.commander.refuse(said):
             return why
         if said.age_s > STALE_S:
@@ -139,12 +139,12 @@ class Conversation:
         if meant is None:
             now = ", ".join(offered(ctx)) or "nothing"
             return f"in the state {ctx.state} there is: {now}"
-        if self.question is not None and said.about != self.asked_n:
+        if self.question is not None and said.about != self.question_n:
             return "it does not answer the open question"
         return ""
 
     def _do(self, ctx: Context, said: Said) -> None:
-        """Act on an answer at once, or keep it for its question."""
+        """Execute an input at once, or keep it as an answer to its question."""
         word = said.word.partition(" ")[0]
         if self.question is not None or ctx.state is State.HOLDING or word == "charged":
             self._words.append(said.word)
@@ -161,7 +161,7 @@ class Conversation:
             self._orders.append(said)
 
     def _stay(self, ctx: Context, by: str) -> None:
-        """Have it stay where it stands or lands next; Ctrl-C after that ends the program."""
+        """Keep the vehicle where it stands or lands next; a second Ctrl-C ends the program."""
         typed = by == "Ctrl-C"
         if self.stays and typed:
             raise Turn(State.LEFT, f"Ctrl-C twice: the program ends and leaves the drone to itself; {left_words(ctx)}")
@@ -179,10 +179,10 @@ class Conversation:
         )
 
     def answer(self, ctx: Context, question: str, words: tuple[str, ...]) -> str:
-        """Let time pass until the operator types one of some words; stops (a `Turn`) where nobody attends any more."""
-        asked = ctx.note(OperatorNote(question=question, answers=words), f"asked: {question}")
+        """Let time pass until the operator types one of the allowed words; a `Turn` if no operator is present any more."""
+        record = ctx.note(OperatorNote(question=question, answers=words), f"asked: {question}")
         self.operator.ask(question)
-        self.question, self.answers, self.asked_n = question, words, asked.n
+        self.question, self.answers, self.question_n = question, words, record.n
         try:
             while True:
                 while (word := self.next_word()) is not None:
@@ -197,7 +197,7 @@ class Conversation:
 
 
 def _heading_for(ctx: Context) -> str:
-    """Where it will stand next, for a person."""
+    """Name the place of the next landing for the operator."""
     if ctx.delivery.leg is not None and ctx.in_air:
         return ctx.delivery.leg.destination
     return ctx.delivery.station or "this place"

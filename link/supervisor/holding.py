@@ -1,4 +1,4 @@
-"""Holding: somebody else has control; the supervisor watches and sends no commands until the operator answers."""
+"""Holding: somebody else has control; the supervisor monitors and sends no commands until the operator answers."""
 
 from __future__ import annotations
 
@@ -19,14 +19,14 @@ if TYPE_CHECKING:
     from skyway.link.supervisor.context import After, Context
 
 SHOWN = 5
-"""So many differences of a changed list are told."""
+"""Number of differences of a changed mission that are listed."""
 WORDS = "go (take control, continue the delivery), land (land where it is) or leave (end the program)"
 
 
 def holding(ctx: Context) -> After:
-    """Command nothing; monitor, record, and continue only on the operator's word."""
+    """Send no commands; monitor, record, and continue only on the operator's answer."""
     ctx.conversation.forget()
-    if ctx.link.resting:  # what it does now is seen in seconds, not when it rests
+    if ctx.link.resting:  # its present actions are seen within seconds, unlike at the resting rate
         request_telemetry(ctx)
     _tell_what_differs(ctx)
     if ctx.operator.present:
@@ -72,7 +72,7 @@ def _word(ctx: Context, word: str) -> After | None:
 
 
 def _tell_what_differs(ctx: Context) -> None:
-    """Where the vehicle flies, or is about to fly, another mission than ours: say what is different in it."""
+    """List the differences if the vehicle flies, or is about to fly, another mission than ours."""
     leg = ctx.delivery.leg
     if not ctx.vehicle.take_lists_changed() or leg is None or ctx.divert.station is not None:
         return
@@ -93,13 +93,13 @@ def _tell_what_differs(ctx: Context) -> None:
 
 
 def _restored_turn(ctx: Context) -> bool:
-    """Whether it was diverted before the program was started again: then its mission is not the leg's, and is unknown here."""
+    """Whether it was diverted before the program restarted: its mission is then not that of the leg, and unknown here."""
     leg = ctx.delivery.leg
     return ctx.divert.turned and leg is not None and leg.destination != ctx.divert.station
 
 
 def _go_on(ctx: Context) -> After | None:
-    """Take the vehicle over again by the operator's word."""
+    """Resume control of the vehicle on the operator's answer."""
     ctx.vehicle.changes()
     if ctx.on_ground:
         return take_up(ctx)

@@ -17,7 +17,8 @@ if TYPE_CHECKING:
 
     from skyway.link.supervisor.work.task import WorkPlanner
     from skyway.link.vehicle.health_book import HealthBook
-    from skyway.models.composition.composition import Composition, DroneService
+    from skyway.models.composition.composition import Composition
+    from skyway.models.composition.service import DroneService
     from skyway.models.drones.drag import DragModel
     from skyway.models.scenario.scenario import Scenario
     from skyway.models.wind.ensemble import WindEnsemble
@@ -26,11 +27,11 @@ if TYPE_CHECKING:
     from skyway.planner.problem.request import Request
 
 Asking = Literal["each", "once", "never"]
-"""Before which take-offs the operator is asked."""
+"""Take-offs for which the operator's confirmation is requested."""
 
 
 def nobody_observes(_: float) -> tuple[WindObservation, ...]:
-    """No wind but what the drone itself measures."""
+    """Return no observations: only the drone itself measures the wind."""
     return ()
 
 
@@ -41,44 +42,45 @@ class DeliveryJob:
     composition: Composition
     scenario: Scenario
     request: Request
-    """What was asked, the drone named."""
+    """The request, with the drone named."""
     forecast: WindEnsemble
-    """Wind as it is expected at the start."""
+    """Forecast at the start."""
     observed: Callable[[float], Sequence[WindObservation]] = nobody_observes
-    """Winds that stations and other drones have observed by an instant, POSIX seconds, each at its own height; asked again and again."""
+    """Winds observed by stations and other drones up to a time, POSIX seconds, each at its own height; called
+    repeatedly."""
     options: MissionOptions = field(default_factory=MissionOptions)
-    """How missions are made, and who releases the package."""
+    """How missions are built, and who releases the package."""
     drag: DragModel | None = None
-    """Of the drone, for the wind by its tilt; None is unknown."""
+    """Drag of the drone, for the wind from its tilt; None if unknown."""
     replanning: bool = True
-    """Under the online policy; else the plan is flown as it is, whatever comes."""
+    """The online policy decides; otherwise the plan is flown unchanged."""
     work: WorkPlanner | None = None
-    """Who plans the flights of a cut mission; None: a package is delivered."""
+    """Planner of the flights of a cut mission; None for the delivery of a package."""
     dispatched: bool = False
-    """A dispatcher has planned it around others: on the ground it keeps to its plan, whose charges are only ever raised, and stops where that
-    does not lead on; in the air it is turned as any other."""
+    """The plan is part of a dispatcher's plan: on the ground the drone keeps to it, with charges that are only ever raised, and stops if it becomes
+    infeasible; in the air it may divert as any other."""
     not_before_s: float = -math.inf
-    """It does not take off for the first time before, POSIX seconds: the package is not ready."""
+    """Earliest first take-off, POSIX seconds: the package is not ready before."""
     hands_over: bool = True
-    """At its end the package is released; else the flight brings the drone to a place, and nothing is released there."""
+    """The package is released at the end; otherwise the flight only moves the drone."""
     parameters: PlannerParameters = USUAL
-    """Of the online policy, and of the planners that it asks."""
+    """Parameters of the online policy, and of its planners."""
     asking: Asking = "once"
-    """``each`` take-off, ``once``, or ``never``."""
+    """Confirmation before ``each`` take-off, ``once``, or ``never``."""
     set_parameters: bool = True
-    """Set parameters that a leg needs, told before the take-off and requested with it."""
+    """Set parameters that a leg needs; they are listed before the take-off and confirmed with it."""
     restore_parameters: bool = True
-    """Give the vehicle back at the end what was set."""
+    """Restore the changed parameters at the end."""
     traffic: TrafficRule = field(default_factory=TrafficRule)
-    """What is done about other aircraft that come near."""
+    """Reaction to other aircraft that come near."""
     remote_id: RemoteId = NOBODY
-    """Who flies, as the vehicle's Remote ID module is told."""
+    """Identity of the operator for the vehicle's Remote ID module."""
     health: HealthBook | None = None
-    """Where checks of calibration and health are kept, of which each vehicle needs one a day; None looks at none."""
+    """Store of the checks of calibration and health, which each vehicle needs once a day; None: no checks."""
 
     @property
     def onward(self) -> DroneService | None:
-        """Flight from the target on that belongs to the mission there: where the package is released in the air, else None."""
+        """Flight from the target that belongs to the same mission: if the package is released in the air, else None."""
         way = self.composition.way_back
         if way is None or way.plan is None or not hovers(self.options.release):
             return None
@@ -92,19 +94,19 @@ class Outcome:
     state: str
     """The last state."""
     reason: str
-    """A sentence."""
+    """Reason, a sentence."""
     station: str | None
-    """Where the vehicle stands, as far as that is a station."""
+    """Station at which the vehicle stands; None elsewhere."""
     flights: int
     proof: str = ""
-    """What became of the package: ``delivered``, ``not delivered`` or ``unsure``; empty where it was never to be released."""
+    """Result for the package: ``delivered``, ``not delivered`` or ``unsure``; empty if no release was planned."""
     proof_reason: str = ""
     handed_over: bool = False
-    """The package was delivered, whatever became of the drone on its way back."""
+    """The package was delivered, whatever happened to the drone on its way back."""
 
     @property
     def delivered(self) -> bool:
-        """Whether the package arrived."""
+        """Whether the package was delivered."""
         return self.state == "delivered" or self.handed_over
 
     @property
@@ -114,7 +116,7 @@ class Outcome:
 
     @property
     def exit_code(self) -> int:
-        """Of a command: 0 delivered, or all work done, and back where that was planned, 1 not or not surely, but safe on the ground, 3 left to itself, crashed, or away from a station."""
+        """Exit code of a command: 0 delivered, or all work done, and back if planned; 1 not or not surely, but safe on the ground; 3 released from control, crashed, or away from a station."""
         if self.done:
             return 0
         if self.state == "delivered":

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from skyway.missions.builder.leg_builder import LegBuilder
 from skyway.missions.items.commands import Command
 from skyway.models.base import geodesy
-from skyway.models.composition.composition import Place
+from skyway.models.composition.service import Place
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -22,7 +22,8 @@ if TYPE_CHECKING:
     from skyway.missions.items.document import MissionDocument
     from skyway.missions.items.mission import Home
     from skyway.missions.items.parameters import Parameter
-    from skyway.models.composition.composition import Composition, DroneService
+    from skyway.models.composition.composition import Composition
+    from skyway.models.composition.service import DroneService
     from skyway.models.scenario.scenario import Scenario
 
 
@@ -33,9 +34,9 @@ class LegMission:
     document: MissionDocument
     """Mission, fence and rally points."""
     parameters: tuple[Parameter, ...]
-    """What it needs of the vehicle."""
+    """Parameters that the mission needs on the vehicle."""
     way: tuple[tuple[float, float], ...]
-    """The points that it passes, latitude and longitude, beginning and end included."""
+    """Its waypoints, latitude and longitude, with beginning and end."""
 
 
 @dataclass(slots=True)
@@ -48,73 +49,73 @@ class Leg:
     via: tuple[str, ...]
     """Stations overflown."""
     diverts: tuple[str, ...]
-    """Stations inside its fence that it may go to instead."""
+    """Divert stations inside its fence."""
     mission: LegMission
-    """What the vehicle flies."""
+    """The mission that the vehicle flies."""
     commanded_mps: float
-    """Ground speed it was last told."""
+    """Ground speed of the last command."""
     commanded_s: float = math.nan
-    """When, POSIX seconds."""
+    """Time of that command, POSIX seconds."""
     start_s: float = math.nan
     soc_start: float = math.nan
-    told_start: float = math.nan
+    reported_start: float = math.nan
     planned_s: float = math.nan
     planned_soc: float = math.nan
     planned_soc_sd: float = math.nan
-    """`start_s`, `soc_start`, `told_start`, `planned_s`, `planned_soc`, `planned_soc_sd`: take-off, charge then, and as the
-    vehicle said it; planned flight time and charge at the landing, and the standard deviation of that."""
+    """`start_s`, `soc_start`, `reported_start`, `planned_s`, `planned_soc`, `planned_soc_sd`: take-off, charge at that time, and as
+    reported by the vehicle; planned flight time and charge at the landing, and the standard deviation of that."""
     modelled: ModelledUse | None = None
-    """Charge that it should have taken so far."""
+    """Modelled charge used so far."""
     last: bool = False
-    """It ends at the destination."""
+    """The leg ends at the destination of the delivery."""
     learns: bool = True
-    """The energy of the whole flight is to be learnt."""
+    """The energy of the whole flight is used for learning."""
     lookahead: Expected | None = None
-    """What was expected of it last."""
+    """Its last expectation."""
 
     @property
     def home_ground_m(self) -> float:
-        """Ground above sea level that heights of its mission count from; NaN where it is unknown."""
+        """Ground above sea level from which heights of its mission count; NaN if unknown."""
         home = self.mission.document.mission.home
         return math.nan if home is None or home.altitude_m is None else home.altitude_m
 
     @property
     def top_m(self) -> float:
-        """Greatest height above sea level that its mission orders; NaN where it is unknown."""
+        """Greatest height above sea level of its mission; NaN if unknown."""
         items = self.mission.document.mission.items
         heights = (item.z for item in items if item.command is Command.NAV_WAYPOINT)
         return self.home_ground_m + max(heights, default=math.nan)
 
-    def begin(self, time_s: float, soc: float, told_soc: float) -> None:
+    def begin(self, time_s: float, soc: float, reported_soc: float) -> None:
         """Begin with the take-off."""
-        self.start_s, self.soc_start, self.told_start = time_s, soc, told_soc
+        self.start_s, self.soc_start, self.reported_start = time_s, soc, reported_soc
         self.commanded_s = time_s
         if self.modelled is not None:
             self.modelled.begin(time_s)
 
     def command(self, speed_mps: float, time_s: float) -> None:
-        """Take a ground speed that was sent at an instant, POSIX seconds."""
+        """Take a ground speed command of an instant, POSIX seconds."""
         self.commanded_mps, self.commanded_s = speed_mps, time_s
 
     def expect(self, lookahead: Expected) -> None:
-        """Take what is expected of it now."""
+        """Take the present expectation."""
         self.lookahead = lookahead
 
     def lose(self, soc: float) -> None:
-        """Take charge that was lost, not used, from what it began with."""
+        """Subtract charge that was lost, not used, from the charge at the start."""
         self.soc_start -= soc
 
-    def lose_told(self, soc: float) -> None:
-        """Take a fall of the vehicle's own report that was no use from what it began with."""
-        self.told_start -= soc
+    def lose_reported(self, soc: float) -> None:
+        """Subtract a fall of the vehicle's report that is not consumption from its report at the start."""
+        self.reported_start -= soc
 
     def learn_nothing(self) -> None:
-        """Leave the whole flight out of what is learnt: part of it is learnt from already."""
+        """Exclude the whole flight from learning: part of it was used already."""
         self.learns = False
 
 
 def with_places(composition: Composition, scenario: Scenario, stations: Sequence[str]) -> Composition:
-    """Return a plan that knows where some more stations are."""
+    """Return a plan with the positions of some more stations."""
     network = scenario.network
     more: dict[str, Place] = {}
     for name in stations:
@@ -124,7 +125,7 @@ def with_places(composition: Composition, scenario: Scenario, stations: Sequence
 
 
 def leaving(leg: Leg, back: Composition, now_s: float, hover_soc: float) -> Leg:
-    """Return what is left of a leg that has released its package in the air: the first flight of the way back, under the same mission."""
+    """Return the rest of a leg that has released its package in the air: the first flight of the way back, under the same mission."""
     service = back.services[0]
     places = [back.stations[name] for name in (service.origin, *service.via, service.destination)]
     return replace(
@@ -145,7 +146,7 @@ def plan_leg(
     last: bool,
     onward: DroneService | None = None,
 ) -> LegMission:
-    """Make the mission of a leg that begins at a station; the last one releases the package, in the air on its way to the end of `onward`.
+    """Build the mission of a leg that begins at a station; the last one releases the package, in the air on its way to the end of `onward`.
 
     The parameters allow the greatest ground speed of the plan, not only that of the leg: the speed is sent again in flight.
     """
@@ -154,7 +155,7 @@ def plan_leg(
     build.check_elevations(flown)
     document = build.leg(service, last=last, onward=onward)
     needs = replace(build.needs(flown, document), ground_speed_mps=build.max_speed_mps)
-    # a leg may be turned to the destination in flight
+    # a leg may be diverted to the destination in flight
     release = build.options.release
     needs = replace(needs, uses_gripper=release in ("gripper", "place"), uses_winch=release == "winch")
     places = [build.place(name) for name in (service.origin, *service.via, service.destination)]
@@ -175,7 +176,7 @@ def turn_leg(
     home: Home | None,
     onward: DroneService | None = None,
 ) -> LegMission:
-    """Make the mission from the air to a station: heights count from the home of the leg under way.
+    """Build the mission from the air to a station: heights count from the home of the present leg.
 
     `here` is where the vehicle is (lat, lon, height above home); see `LegBuilder.turn`.
     """
@@ -186,7 +187,7 @@ def turn_leg(
 
 
 def cross_track_m(way: Sequence[tuple[float, float]], lat: float, lon: float) -> float:
-    """Distance of a point from a way, metres."""
+    """Distance of a point from a route, metres."""
     import numpy as np
 
     north, east = geodesy.local_offsets_m([p[0] for p in way], [p[1] for p in way], lat, lon)
@@ -202,7 +203,7 @@ def cross_track_m(way: Sequence[tuple[float, float]], lat: float, lon: float) ->
 
 
 def waypoint_m(leg: Leg, lat: float, lon: float) -> float:
-    """Distance of a point from the nearest waypoint of a leg's mission, metres; infinite where it has none."""
+    """Distance of a point from the nearest waypoint of a leg's mission, metres; infinite if it has none."""
     items = leg.mission.document.mission.items
     points = [one.point for one in items if one.command is Command.NAV_WAYPOINT and one.point is not None]
     if not points:

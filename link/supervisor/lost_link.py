@@ -16,11 +16,11 @@ if TYPE_CHECKING:
     from skyway.link.supervisor.context import After, Context
 
 BACK_S = 3.0
-"""Heard within so long, it is heard again."""
+"""A vehicle heard within this time is in contact again, s."""
 
 
 def lost_link(ctx: Context) -> After:
-    """Listen until it is heard and answers again, then find it where it is."""
+    """Listen until the vehicle is heard and answers again, then determine its state."""
     before = ctx.status.before
     alone = f"without the link {left_words(ctx)}" if before in IN_AIR else "the drone was on the ground"
     ctx.tell(f"link lost: {alone}. Sending no commands; listening until the drone answers")

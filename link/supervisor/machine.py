@@ -1,4 +1,4 @@
-"""The supervisor: one delivery, taken from state to state by the table, until it ends."""
+"""The supervisor: one delivery, led from state to state by the table, until it ends."""
 
 from __future__ import annotations
 
@@ -53,15 +53,15 @@ STEPS: Mapping[State, Callable[[Context], After]] = {
     State.LOST_LINK: lost_link.lost_link,
     State.HOLDING: holding.holding,
 }
-"""What is done in each state that is no end."""
+"""Action of each state that is not an end."""
 
 
 WORK_STEPS = {**STEPS, State.REPLANNING: work_ground.deciding}
-"""The same where work is flown battery by battery."""
+"""The same for work that is flown battery by battery."""
 
 
 class Supervisor:
-    """Takes one delivery to its end; with `resume` the one that the journal has under way."""
+    """Leads one delivery to its end; with `resume` the unfinished one of the journal."""
 
     def __init__(
         self,
@@ -99,7 +99,7 @@ class Supervisor:
 
     @staticmethod
     def _start(job: DeliveryJob) -> Start:
-        """Everything that a report, or a resume, needs of the beginning."""
+        """Record all that a report, or a resume, needs of the beginning."""
         forecast = job.forecast
         return Start(
             schema=SCHEMA,
@@ -138,7 +138,7 @@ class Supervisor:
         return Outcome(str(ctx.state), self.reason, station, flights, str(verdict), why, handed_over)
 
     def _let_go(self) -> None:
-        """Give control back, and no longer say that we supervise the vehicle."""
+        """Return control, and no longer broadcast that we supervise the vehicle."""
         ctx = self.context
         ctx.vehicle.connection.supervise(None)
         ctx.remote_id.end()
@@ -149,7 +149,7 @@ class Supervisor:
     reason = ""
 
     def _go(self, after: State, reason: str) -> None:
-        """Enter the next state, if the table has the way there."""
+        """Enter the next state, if the table allows it."""
         ctx = self.context
         before = ctx.state
         ctx.status.enter(after, ctx.clock.now_s())
@@ -159,7 +159,7 @@ class Supervisor:
             ctx.tell(f"{after}: {reason}")
 
     def _failed(self, error: LinkError) -> After:
-        """End what failed on the link in a named state."""
+        """Enter a named end state after a failure of the link."""
         ctx = self.context
         if isinstance(error, StationConflictError):
             return (State.HOLDING if ctx.in_air else State.STOPPED), str(error)

@@ -1,6 +1,6 @@
 """Flights after the hand-over: the way back of the drone, or the way on of a package that could not be delivered.
 
-It is flown as the delivery is, under the same policy, from the target to a destination of its own: without the package, or with it.
+It is flown as the delivery is, by the same policy, from the target to a destination of its own: without the package, or with it.
 """
 
 from __future__ import annotations
@@ -25,38 +25,38 @@ if TYPE_CHECKING:
     from skyway.link.supervisor.legs import Leg
     from skyway.link.supervisor.progress import DeliveryProgress
     from skyway.models.composition.composition import Composition
-    from skyway.models.network.network import Station
+    from skyway.models.network.station import Station
     from skyway.planner.online.information import Information
     from skyway.planner.problem.request import Request
 
 MORE = 1.5
-"""So much more than a flight takes in still air is looked for."""
+"""Factor on the energy of a flight in still air for a station to be considered."""
 
 
 @dataclass(frozen=True, slots=True)
 class Onward:
-    """Where the drone goes after the target."""
+    """Destination of the drone after the target."""
 
     destination: str
     """Station."""
     loaded: bool
-    """The package is aboard."""
+    """The package is on board."""
     delivered: bool
     """The package was delivered."""
     leave_s: float
-    """It stays at the target until then, POSIX seconds."""
+    """Earliest departure from the target, POSIX seconds."""
 
-    def request(self, asked: Request) -> Request:
-        """Return what is asked from the target on."""
-        payload_kg = asked.payload_kg if self.loaded else 0.0
+    def request(self, delivery: Request) -> Request:
+        """Return the request from the target on."""
+        payload_kg = delivery.payload_kg if self.loaded else 0.0
         return replace(
-            asked, destination=self.destination, payload_kg=payload_kg, return_to=NO_RETURN, dwell_s=0.0,
+            delivery, destination=self.destination, payload_kg=payload_kg, return_to=NO_RETURN, dwell_s=0.0,
             undelivered_to=None, release="gripper", stop_at=(), escape=False,
         )  # fmt: skip
 
 
 def after_hand_over(ctx: Context, done: str) -> After:
-    """Continue with the way back; the delivery ends where there is none, or the operator wants the drone to stay."""
+    """Continue with the way back; the delivery ends if there is none, or the operator wants the drone to stay."""
     stands = f"{done}; the drone stands disarmed with {percent(ctx.battery.soc)}"
     back = None if ctx.job.composition.way_back is None else ctx.job.composition.way_back.plan
     if back is None or ctx.conversation.stays:
@@ -65,7 +65,7 @@ def after_hand_over(ctx: Context, done: str) -> After:
 
 
 def after_failure(ctx: Context, why: str, *, loaded: bool) -> After:
-    """Continue after a package could not be delivered, or was lost: with it where that was requested, else without."""
+    """Continue after a package could not be delivered, or was lost: with it if that was requested, else without."""
     way = ctx.job.composition.way_back
     plan = None if way is None else way.undelivered if loaded else way.plan
     if plan is None or ctx.conversation.stays:
@@ -77,7 +77,7 @@ def after_failure(ctx: Context, why: str, *, loaded: bool) -> After:
 
 
 def package_goes_on(ctx: Context, why: str) -> str:
-    """Divert the package in the air: to its destination for undelivered packages, else back; returns where."""
+    """Divert the package in the air: to its destination for undelivered packages, else back; return the destination."""
     way = ctx.job.composition.way_back
     goal = ctx.job.composition.origin if way is None or way.undelivered is None else way.undelivered.destination
     onward = Onward(goal, loaded=True, delivered=False, leave_s=ctx.now_s)
@@ -88,11 +88,11 @@ def package_goes_on(ctx: Context, why: str) -> str:
 
 
 def flies_on(ctx: Context, leg: Leg, *, delivered: bool, why: str) -> None:
-    """Go on from over the target, where the package was released in the air or was to be: the mission leads back."""
+    """Continue from over the target, after a release in the air or without it: the mission leads back."""
     way = ctx.job.composition.way_back
     if way is None or way.plan is None:
         return
-    # as long as it is not weighed it may be aboard: the charge for it is kept
+    # until the drone is weighed the package may be on board: the charge for it is reserved
     onward = Onward(way.plan.destination, loaded=True, delivered=delivered, leave_s=ctx.now_s)
     over_target(ctx.delivery, leg, onward, way.plan, way.dwell_s)
     entry = WentOn(
@@ -102,7 +102,7 @@ def flies_on(ctx: Context, leg: Leg, *, delivered: bool, why: str) -> None:
 
 
 def over_target(delivery: DeliveryProgress, leg: Leg, onward: Onward, plan: Composition, hover_s: float) -> None:
-    """Put the way back in force in the air, with what is left of the leg as its first flight."""
+    """Put the way back in force in the air, with the rest of the leg as its first flight."""
     hover_soc = leg.modelled.per_s * hover_s if leg.modelled is not None else 0.0
     delivery.go_on(onward)
     delivery.take_plan(plan)
@@ -110,14 +110,14 @@ def over_target(delivery: DeliveryProgress, leg: Leg, onward: Onward, plan: Comp
 
 
 def _go_on(ctx: Context, plan: Composition, why: str, *, loaded: bool, delivered: bool) -> After:
-    """Put the plan from the target on in force, after the time there."""
+    """Put the plan from the target in force, after the time there."""
     way = ctx.job.composition.way_back
     dwell_s = 0.0 if way is None else way.dwell_s
     return _begin(ctx, Onward(plan.destination, loaded, delivered, ctx.now_s + dwell_s), plan, why)
 
 
 def _begin(ctx: Context, onward: Onward, plan: Composition | None, why: str) -> After:
-    """Write down where it goes on to, and take that for what is asked; without a plan the policy makes one."""
+    """Record the destination after the target, and make it the request; without a plan the policy makes one."""
     ctx.delivery.go_on(onward)
     ctx.delivery.take_plan(plan)
     stays_s = onward.leave_s - ctx.now_s
@@ -132,7 +132,7 @@ def _begin(ctx: Context, onward: Onward, plan: Composition | None, why: str) -> 
 
 
 def arrived(ctx: Context, onward: Onward) -> After:
-    """End where the drone was to be."""
+    """End the delivery at the drone's destination."""
     stands = f"the drone stands disarmed at {onward.destination} with {percent(ctx.battery.soc)}"
     target = ctx.job.request.destination
     verdict, why = ctx.proof.verdict
@@ -155,9 +155,9 @@ def arrived(ctx: Context, onward: Onward) -> After:
 
 
 def another_pad(ctx: Context, known: Information) -> bool:
-    """Switch to the nearest free pad where the planned one is occupied, if any pad will do; returns whether it did.
+    """Switch to the nearest free pad if the planned one is occupied and any pad is permitted; return whether it did.
 
-    Of those that half more than the flight takes in still air is enough for, above the reserve: the policy decides whether it is flown.
+    Candidates are pads for which 1.5 times the energy in still air keeps the reserve; the policy decides whether it is flown.
     """
     onward, way = ctx.delivery.onward, ctx.job.composition.way_back
     target = ctx.job.request.destination
@@ -179,13 +179,13 @@ def another_pad(ctx: Context, known: Information) -> bool:
 
 
 def _free(station: Station, known: Information) -> bool:
-    """Whether a pad is free at a station as far as is known; of those that were not asked nothing is known."""
+    """Whether a pad at a station is free, as far as known; for stations without a report nothing is known."""
     seen = known.busy_pads.get(station.id)
     return seen is not None and seen < station.pads
 
 
 def stay_until_due(ctx: Context) -> None:
-    """Let the time at the target pass."""
+    """Wait for the planned end of the time at the target."""
     onward = ctx.delivery.onward
     if onward is not None and ctx.delivery.station == ctx.job.request.destination and ctx.now_s < onward.leave_s:
         ctx.wait_until(onward.leave_s)

@@ -11,25 +11,25 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Said:
-    """Something that a person said."""
+    """An input of a person."""
 
     word: str
     id: str = ""
-    """Of a request, which is answered in the journal and counts once; empty for what is typed at a console."""
+    """Id of a request, which is journaled and counts once; empty for console input."""
     who: str = ""
     name: str = ""
-    """Browser session, and what the person is called."""
+    """Browser session, and name of the person."""
     about: int | None = None
     """Number of the record with the question that it answers."""
     age_s: float = 0.0
-    """How long ago it was said."""
+    """Age, s."""
 
 
 class Operator(Protocol):
-    """The person who decides what a program must not."""
+    """The person who takes the decisions that a program must not."""
 
     interrupts: int
-    """How often Ctrl-C was pressed."""
+    """Number of times that Ctrl-C was pressed."""
 
     @property
     def present(self) -> bool:
@@ -41,31 +41,31 @@ class Operator(Protocol):
         ...
 
     def ask(self, question: str) -> None:
-        """Put a question; the answer is heard later."""
+        """Show a question; `next_input` returns the answer later."""
         ...
 
-    def heard(self) -> Said | None:
-        """Return what was said, a word at a time; None for nothing as yet. Never waits."""
+    def next_input(self) -> Said | None:
+        """Return the next input; None if there is none. Never waits."""
         ...
 
 
 @dataclass(slots=True)
 class NobodyThere:
-    """For dry runs: lines are shown, nobody answers."""
+    """Operator of dry runs: lines are shown, nobody answers."""
 
     show: Callable[[str], None] = lambda _: None
-    """Takes a line."""
+    """Displays a line."""
     interrupts: int = 0
     present: bool = False
 
     def tell(self, line: str) -> None:
-        """Show it."""
+        """Show a line."""
         self.show(line)
 
     def ask(self, question: str) -> None:
-        """Show it too."""
+        """Show a question."""
         self.show(question)
 
-    def heard(self) -> Said | None:
-        """Nothing."""
+    def next_input(self) -> Said | None:
+        """Return None: there is no input."""
         return None

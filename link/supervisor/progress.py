@@ -1,4 +1,4 @@
-"""Progress of a delivery: the plan in force, the leg under way, the vehicle's place and the places visited."""
+"""Progress of a delivery: the plan in force, the present leg, the vehicle's place and the places visited."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from skyway.link.supervisor.legs import station_at
 from skyway.link.supervisor.work.progress import WorkProgress
-from skyway.models.composition.composition import Place
+from skyway.models.composition.service import Place
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -22,50 +22,50 @@ AT_STATION_M = 60.0
 
 @dataclass(slots=True)
 class DeliveryProgress:
-    """The progress of one delivery; written by the methods here alone."""
+    """The progress of one delivery; written only by its own methods."""
 
     resumed: bool = False
     """It was started by an earlier run of the program."""
     plan: Composition | None = None
-    """From where the vehicle stands, or from the leg under way, on."""
+    """The plan in force from the vehicle's station, or from the present leg, on."""
     leg: Leg | None = None
-    """Uploaded, or under way."""
+    """The leg uploaded, or under way."""
     flight: int = 0
-    """Flights begun."""
+    """Number of flights begun."""
     station: str | None = None
-    """Where it stands; None in the air and away from stations."""
+    """Station at which the vehicle stands; None in the air and away from stations."""
     visited: set[str] = field(default_factory=set)
-    """Stations landed at."""
+    """Stations of earlier landings."""
     landed_at: str | None = None
-    """Where the last flight ended, once that is written down."""
+    """Place where the last flight ended, once recorded."""
     diverts: tuple[str, ...] = ()
-    """Stations that the next leg may go to instead."""
+    """Divert stations of the next leg."""
     charge_to: float | None = None
-    """Charge to leave with."""
+    """Charge at departure."""
     least_soc: float | None = None
-    """Charge that is enough to leave with, where that is not what the plan says."""
+    """Least charge at departure, if it differs from the plan."""
     charged: bool = False
-    """It has been charged here."""
+    """The battery was charged here."""
     called_off: bool = False
-    """The plan in force is not flown any more once it has landed."""
+    """The plan in force ends with the next landing."""
     work: WorkProgress = field(default_factory=WorkProgress)
-    """How far the work is, where work is flown instead of a delivery."""
+    """Progress of the work, for work instead of a delivery."""
     onward: Onward | None = None
-    """Where it goes after the target; None until the package was delivered, or could not be."""
+    """Destination after the target; None until the package was delivered, or could not be."""
 
     # The plan
 
     def take_plan(self, plan: Composition | None) -> None:
-        """Put a plan in force; None is none."""
+        """Put a plan in force; None for none."""
         self.plan, self.called_off = plan, False
 
     def go_on(self, onward: Onward) -> None:
-        """Continue from the target: with no required charge, and all stations unvisited."""
+        """Continue from the target: without a required charge, and with all stations unvisited."""
         self.onward, self.charge_to, self.charged = onward, None, False
         self.visited = set()
 
     def call_off(self, onward: Onward) -> None:
-        """Divert in the air: the plan in force supplies places until it lands, and nothing else."""
+        """Divert in the air: until it lands the plan in force only supplies places."""
         self.go_on(onward)
         self.called_off = True
 
@@ -81,17 +81,17 @@ class DeliveryProgress:
             self.plan = self.plan.after(station)
 
     def prepare(self, diverts: Iterable[str], charge_to: float | None, least_soc: float | None = None) -> None:
-        """Take what was decided for the next leg besides the plan."""
+        """Take the decision for the next leg besides the plan."""
         self.diverts, self.charge_to, self.least_soc = tuple(diverts), charge_to, least_soc
 
     def charge_done(self) -> None:
-        """Note that it has been charged here."""
+        """Record that the battery was charged here."""
         self.charged = True
 
     # The leg
 
     def take_leg(self, leg: Leg | None) -> None:
-        """Take the leg that is uploaded or under way; None where there is none."""
+        """Set the leg that is uploaded or under way; None if there is none."""
         self.leg = leg
 
     def begin_flight(self) -> None:
@@ -104,21 +104,21 @@ class DeliveryProgress:
         self.station, self.charged, self.charge_to, self.least_soc = None, False, None, None
 
     def not_begun(self) -> None:
-        """Take back a flight that did not take off."""
+        """Undo a flight that did not take off."""
         self.flight -= 1
 
-    # Where it stands
+    # Place
 
     def stand_at(self, station: str | None) -> None:
         """Set the station where it stands."""
         self.station = station
 
     def note_landing(self, where: str | None) -> None:
-        """Take where a flight has ended; None where that is not written down yet."""
+        """Set the place where a flight ended; None until that is recorded."""
         self.landed_at = where
 
     def visit(self, station: str) -> None:
-        """Note that it has been at a station."""
+        """Record a landing at a station."""
         self.visited.add(station)
 
     def restore(
@@ -134,7 +134,7 @@ class DeliveryProgress:
         self.flight = flight
 
     def station_at(self, place: tuple[float, float] | None, scenario: Scenario) -> str | None:
-        """Name the station at a place, of all that are known; None where there is none."""
+        """Name the known station at a place; None if there is none."""
         if place is None:
             return None
         known = {s.id: Place.of(s) for s in scenario.network.stations}

@@ -37,14 +37,14 @@ if TYPE_CHECKING:
     from skyway.link.vehicle.vehicle import Identity
 
 SETTLE_S = 90.0
-"""Armed on the ground, it either takes off or disarms within this time."""
+"""Time within which a vehicle armed on the ground takes off or disarms, s."""
 
 
 # From the journal
 
 
 def restore(ctx: Context, records: Sequence[Record]) -> None:
-    """Bring back what the journal knows: plan, place, energy, wind, and the leg under way."""
+    """Restore the contents of the journal: plan, place, energy, wind, and the present leg."""
     delivery = ctx.delivery
     delivery.restore_flight(max(record.flight for record in records))
     ctx.parameters.follow(records)
@@ -81,45 +81,45 @@ def restore(ctx: Context, records: Sequence[Record]) -> None:
             delivery.take_leg(None)
             ctx.divert.call_off()
             delivery.note_landing(landed.standing.station)
-            delivery.reach(landed.standing.station)  # a later plan in the journal replaces what is left of this one
+            delivery.reach(landed.standing.station)  # a later plan in the journal replaces the rest of this one
         elif delivery.leg is not None:
             _restore_flight(ctx, delivery.leg, record)
 
 
 def _restore_flight(ctx: Context, leg: Leg, record: Record) -> None:
-    """Bring back what became of a leg in the air: what it should have taken so far, and where it was sent."""
+    """Restore the state of a leg in the air: its modelled use so far, and its destination."""
     if (point := record.entry(Tracked)) and leg.modelled is not None and point.modelled_soc is not None:
         leg.modelled.restore(point.modelled_soc, record.time_s)
     elif (turned := record.entry(Turned)) and turned.destination:
         ctx.divert.to(turned.destination, turned=not turned.begun)
 
 
-def _restored_leg(ctx: Context, told: LegBegun, time_s: float) -> Leg | None:
-    """Make the leg under way again from what was written before its take-off."""
+def _restored_leg(ctx: Context, entry: LegBegun, time_s: float) -> Leg | None:
+    """Rebuild the present leg from the record before its take-off."""
     if ctx.job.work is not None:
-        return restored_leg(ctx, told, time_s)
+        return restored_leg(ctx, entry, time_s)
     if ctx.delivery.plan is None or not ctx.delivery.plan.services:
         return None
     try:
-        _, mission = make_leg(ctx, _number(told.ground_speed_mps))
+        _, mission = make_leg(ctx, _number(entry.ground_speed_mps))
     except (InputError, Turn):
         return None
     use = ModelledUse.by(ctx.policy().reach(ctx.job.forecast, ctx.energy.belief))
     use.begin(time_s)
     return Leg(
-        origin=told.origin or "",
-        destination=told.destination or "",
-        via=told.via,
-        diverts=told.standing.diverts,
+        origin=entry.origin or "",
+        destination=entry.destination or "",
+        via=entry.via,
+        diverts=entry.standing.diverts,
         mission=mission,
-        commanded_mps=_number(told.ground_speed_mps),
+        commanded_mps=_number(entry.ground_speed_mps),
         start_s=time_s,
-        soc_start=_number(told.soc),
-        told_start=_number(told.told_soc),
-        planned_s=_number(told.planned_s),
-        planned_soc=_number(told.planned_soc),
+        soc_start=_number(entry.soc),
+        reported_start=_number(entry.told_soc),
+        planned_s=_number(entry.planned_s),
+        planned_soc=_number(entry.planned_soc),
         modelled=use,
-        last=bool(told.last),
+        last=bool(entry.last),
     )
 
 
@@ -180,7 +180,7 @@ def _settle(ctx: Context) -> None:
 
 
 def _in_the_air(ctx: Context) -> After:
-    """Continue with a flight where the vehicle flies what we gave it."""
+    """Continue a flight if the vehicle flies our mission."""
     leg, divert = ctx.delivery.leg, ctx.divert
     if leg is None or ctx.delivery.plan is None:
         return State.HOLDING, "the drone is in the air, and not on a leg of this delivery"

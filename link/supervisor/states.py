@@ -1,6 +1,6 @@
 """The states of a supervised delivery, their transitions, and their time limits: one table.
 
-Picture and table in the documentation are made from it, and the supervisor refuses to leave it.
+Picture and table in the documentation are generated from it, and the supervisor permits no other transition.
 """
 
 from __future__ import annotations
@@ -42,16 +42,16 @@ class State(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Rule:
-    """What holds in a state."""
+    """Rules of a state."""
 
     following: tuple[State, ...]
-    """What may come next; empty for an end."""
+    """Next states; empty for an end."""
     longest_s: float
-    """How long it may last."""
+    """Time limit."""
     overdue: State | None
-    """Where it goes when it lasts longer."""
+    """Next state when the time limit is exceeded."""
     meaning: str
-    """One line for people."""
+    """Description, one line."""
 
 
 _S = State
@@ -160,21 +160,21 @@ TABLE: Mapping[State, Rule] = {
 }
 
 IN_AIR = frozenset({State.FLYING, State.DIVERTING})
-"""States in which it is expected to fly under our mission."""
+"""States in which the vehicle should fly under our mission."""
 ON_GROUND = frozenset({State.REPLANNING, State.WAITING, State.CHARGING, State.PREFLIGHT, State.UPLOADING, State.READY})
-"""States in which it is expected to stand disarmed."""
+"""States in which the vehicle should stand disarmed."""
 ENDS = frozenset(state for state, rule in TABLE.items() if not rule.following)
 """States in which a delivery ends."""
 
 
 class OffTableError(SkywayError):
-    """The supervisor was about to do something that the table of states does not have."""
+    """The supervisor was about to make a transition that the table of states does not have."""
 
     exit_code = 3
 
 
 class Turn(Exception):  # noqa: N818  not an error: the next state, from wherever in a state it is found out
-    """Transition of the delivery to another state, raised in the midst of an action."""
+    """Transition of the delivery to another state, raised during an action."""
 
     def __init__(self, state: State, reason: str) -> None:
         super().__init__(reason)
@@ -183,10 +183,10 @@ class Turn(Exception):  # noqa: N818  not an error: the next state, from whereve
 
 @dataclass(slots=True)
 class Status:
-    """The state of one delivery; written by `enter` alone."""
+    """The state of one delivery; written only by `enter`."""
 
     entered_s: float = 0.0
-    """When the present state began, by the clock."""
+    """Start of the present state, by the clock."""
     state: State = State.CONNECTING
     before: State = State.CONNECTING
     """The state before a lost link or a hold."""
@@ -203,7 +203,7 @@ class Status:
 
 
 def check(before: State, after: State) -> None:
-    """Raise `OffTableError` for a step that the table does not allow."""
+    """Raise `OffTableError` for a transition that the table does not allow."""
     if after not in TABLE[before].following:
         raise OffTableError(
             f"no transition from the state {before} to {after}: this is a defect in skyway, please report it"

@@ -33,9 +33,10 @@ if TYPE_CHECKING:
 
 UPDATE_EVERY_S = 30.0
 FOLLOW_EVERY_S = 5.0
-"""How often the estimate follows the telemetry by itself; a decision and an entry of the journal have the newest (`WindBook.catch_up`)."""
+"""Interval at which the estimate processes the telemetry, s; a decision and a journal entry use the newest
+(`WindBook.catch_up`)."""
 SAME_ERROR = 100.0
-"""An autopilot's wrong wind is wrong in the same way each time: so many reports of it count as one."""
+"""Number of reports of an autopilot's wind that count as one: its error is the same in each."""
 MIN_HEIGHT_SHARE = 0.6
 """Below this share of the cruise height the wind is not that of the forecast."""
 
@@ -77,29 +78,29 @@ class WindBook:
         self._gap_mps = 0.0
 
     def expected(self, time_s: float, lat_deg: float, lon_deg: float) -> tuple[float, float]:
-        """Wind of the first forecast at cruise height: (north, east), m/s."""
+        """Return the wind of the first forecast at cruise height: (north, east), m/s."""
         return self._expected(time_s, lat_deg, lon_deg, self.cruise_height_m)
 
     def hear(self, sample: TelemetrySample, home_ground_m: float = math.nan) -> None:
-        """Learn from a sample in the air, near cruise height, of a flight that began on ground of a height above sea level."""
+        """Take a sample in the air, near cruise height, of a flight that began on ground of a height above sea level."""
         if sample.landed == 0.0 and sample.height_m > MIN_HEIGHT_SHARE * self.cruise_height_m:
             self.live.hear(sample, self._above_ground_m(sample, home_ground_m))
             if math.isfinite(sample.lat_deg) and math.isfinite(sample.lon_deg):
                 self._measured_at = sample.lat_deg, sample.lon_deg
 
     def catch_up(self) -> None:
-        """Bring the estimate up to the newest sample."""
+        """Process the newest sample."""
         self.live.catch_up()
 
     def _above_ground_m(self, sample: TelemetrySample, home_ground_m: float) -> float:
-        """Height above the ground below; above where it took off, where the ground is unknown."""
+        """Height above the ground below; above the take-off point if the ground is unknown."""
         if not (math.isfinite(sample.lat_deg) and math.isfinite(sample.lon_deg)):
             return sample.height_m
         below_m = home_ground_m - self._ground_m(round(sample.lat_deg, 3), round(sample.lon_deg, 3))
         return sample.height_m + (below_m if math.isfinite(below_m) else 0.0)
 
     def measure(self, found: WindAtLimit, sample: TelemetrySample, home_ground_m: float = math.nan) -> bool:
-        """Take the wind measured at full lean; how far it and the autopilot's differ along the lean is doubt in the latter."""
+        """Use the wind measured at full lean; its difference from the autopilot's along the lean is added to the latter's uncertainty."""
         self.catch_up()
         now = self.estimate
         if now is None:
@@ -113,13 +114,13 @@ class WindBook:
             (found.north_mps, found.east_mps), found.noise, place, gap * gap * np.outer(along, along), SAME_ERROR
         )
 
-    def restore(self, told: Sequence[Observation]) -> None:
+    def restore(self, stored: Sequence[Observation]) -> None:
         """Restore measured winds from a journal."""
-        numbers = ({name: math.nan if x is None else x for name, x in asdict(one).items()} for one in told)
+        numbers = ({name: math.nan if x is None else x for name, x in asdict(one).items()} for one in stored)
         self.earlier = tuple(WindObservation(**one) for one in numbers)
 
     def here(self, sample: TelemetrySample) -> tuple[float, float]:
-        """Return the wind at the vehicle, (north, east), m/s: measured where it is, else as the first forecast has it."""
+        """Return the wind at the vehicle, (north, east), m/s: measured if available, else that of the first forecast."""
         now = self.estimate
         if now is not None:
             return now.north_mps, now.east_mps
@@ -127,44 +128,44 @@ class WindBook:
 
     @property
     def estimate(self) -> WindEstimate | None:
-        """Newest estimate of the wind at the vehicle; None before the first, and where it is not to be believed."""
+        """Return the newest estimate of the wind at the vehicle; None before the first, and if it is not reliable."""
         now = self.live.estimate
         return None if now is None or now.source == "inconsistent" else now
 
     @property
     def observations(self) -> tuple[WindObservation, ...]:
-        """All that was measured, each averaged over a slot, carried to cruise height."""
+        """Return all measurements, each averaged over a slot, converted to cruise height."""
         return (*self.earlier, *self.measured)
 
     @property
     def measured(self) -> tuple[WindObservation, ...]:
-        """Those of them that were measured since the supervisor began, carried to cruise height."""
+        """Return the measurements since the supervisor began, converted to cruise height."""
         self.catch_up()
         return tuple(one.at_height(self.cruise_height_m, self.exponent) for one in self.live.observations())
 
     @property
     def measured_s(self) -> float:
-        """Time of the last wind measurement in flight, POSIX seconds; NaN where there is none."""
+        """Return the time of the last wind measurement in flight, POSIX seconds; NaN if there is none."""
         return max((one.time_s for one in self.observations), default=math.nan)
 
     @property
     def measures(self) -> bool:
-        """Whether the drone is known to measure the wind on its way: by its tilt, or since its autopilot has reported it."""
+        """Return whether the drone measures the wind on its way: by its tilt, or once its autopilot has reported it."""
         return self.live.drag is not None or math.isfinite(self.measured_s)
 
     @property
     def roughness(self) -> float:
-        """Variation of the wind along the flights so far: see `models.wind.estimation.roughness`."""
+        """Return the variation of the wind along the flights so far: see `models.wind.estimation.roughness`."""
         return roughness(self.observations, self._field)
 
     def forecast_at(self, time_s: float, lat_deg: float, lon_deg: float, *, updated: bool) -> WindSummary:
-        """Summarise the first forecast, or the updated one, at cruise height at a place and an instant."""
+        """Summarise the first, or the updated, forecast at cruise height at a place and an instant."""
         ensemble = self.forecast(time_s) if updated else self.base
         here = (Passage(lat_deg, lon_deg, time_s, time_s),)
         return summarise_wind(ensemble, here, self.cruise_height_m, self.exponent)
 
     def on_way(self, way: Sequence[tuple[float, float]], begin_s: float, duration_s: float) -> WindSummary:
-        """Summarise the winds expected along a way that is flown from an instant on, by the updated forecast."""
+        """Summarise the winds along a way that is flown from an instant on, by the updated forecast."""
         points = np.array(way)
         length, bearing = geodesy.inverse(points[:-1, 0], points[:-1, 1], points[1:, 0], points[1:, 1])
         ends = begin_s + duration_s * np.concatenate(([0.0], np.cumsum(length))) / max(float(length.sum()), 1.0)
@@ -176,7 +177,7 @@ class WindBook:
 
     @property
     def origin(self) -> str:
-        """Source of the wind in a briefing before take-off, in words: it is never measured on the spot."""
+        """Return the source of the wind in a briefing before take-off, in words: it is never measured on the spot."""
         if self.observations:
             return "forecast updated with measurements of earlier legs"
         return "forecast updated with the observed winds" if self._at_stations else "forecast"
@@ -190,20 +191,20 @@ class WindBook:
         return "held" if self.earlier else "forecast"
 
     def forecast(self, time_s: float, *, now: bool = False) -> WindEnsemble:
-        """Return the forecast brought up to date, at cruise height; computed again at most every half minute."""
+        """Return the updated forecast, at cruise height; computed at most every half minute."""
         if now or time_s >= self._updated_s + UPDATE_EVERY_S:
             self._updated_s = time_s
             self._updated = self._update(slot_s=SLOT_S, here=self._measured_at)
         return self._updated
 
     def forecast_by_hour(self) -> WindEnsemble:
-        """Return the forecast brought up to date, at cruise height, in its own slots."""
+        """Return the updated forecast, at cruise height, in its own slots."""
         return self._update(slot_s=self.base.slot_s, here=self._measured_at)
 
     def _update(self, *, slot_s: float, here: tuple[float, float] | None) -> WindEnsemble:
-        """Bring the forecast up to date, with a site where the wind was measured last."""
-        heard = self._ask_stations(max(self._updated_s, self.base.start_s))
-        self._at_stations = tuple(one.at_height(self.cruise_height_m, self.exponent) for one in heard)
+        """Update the forecast, with a site at the place of the last measurement."""
+        received = self._ask_stations(max(self._updated_s, self.base.start_s))
+        self._at_stations = tuple(one.at_height(self.cruise_height_m, self.exponent) for one in received)
         return update_forecast(
             self.base,
             (*self._at_stations, *self.observations),

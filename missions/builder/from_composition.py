@@ -18,7 +18,8 @@ if TYPE_CHECKING:
     from skyway.missions.autopilots.family import Family
     from skyway.missions.items.mission import MissionItem
     from skyway.missions.items.parameters import Parameter
-    from skyway.models.composition.composition import Composition, DroneService
+    from skyway.models.composition.composition import Composition
+    from skyway.models.composition.service import DroneService
 
 
 @dataclass(frozen=True, slots=True)

@@ -36,7 +36,8 @@ if TYPE_CHECKING:
 
     from skyway.missions.autopilots.family import Family
     from skyway.missions.builder.mission_options import MissionOptions
-    from skyway.models.composition.composition import Composition, DroneService, Place
+    from skyway.models.composition.composition import Composition
+    from skyway.models.composition.service import DroneService, Place
     from skyway.models.flight.way_heights import Over, WayHeights
 
 MAV_TYPE_QUADROTOR = 2

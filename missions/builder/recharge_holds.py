@@ -13,7 +13,8 @@ from skyway.models.base.formatting import duration, percent
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-    from skyway.models.composition.composition import Composition, Stop
+    from skyway.models.composition.composition import Composition
+    from skyway.models.composition.service import Stop
 
 
 def _stop_before(composition: Composition, number: int) -> Stop | None:

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from skyway.missions.builder.leg_builder import LegBuilder
-    from skyway.models.composition.composition import DroneService
+    from skyway.models.composition.service import DroneService
 
 RELATIVE_LENGTH = 1.0
 """WINCH_ACTIONS: additional length of line; negative is less."""

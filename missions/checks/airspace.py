@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from skyway.missions.items.mission import Mission
     from skyway.models.airspace.airspace import Airspace
     from skyway.models.flight.way_heights import Over
-    from skyway.models.network.network import Station
+    from skyway.models.network.station import Station
 
 OPEN_S = 366 * 86_400.0
 """Longest duration of a hold that a person ends by arming, and of a flight of unknown length: later flights are tested over all of it."""

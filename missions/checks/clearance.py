@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from skyway.missions.items.coordinates import Point
     from skyway.missions.items.finding import Severity
     from skyway.missions.items.mission import Mission
-    from skyway.models.network.network import Station
+    from skyway.models.network.station import Station
 
 SAME_PLACE_M = 20.0
 STRAIGHT = 1.02

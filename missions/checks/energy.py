@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from skyway.missions.items.mission import Mission
     from skyway.models.drones.drone import Drone
     from skyway.models.drones.energy_belief import EnergyBelief
-    from skyway.models.network.network import Station
+    from skyway.models.network.station import Station
 
 
 @dataclass(frozen=True, slots=True)

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from skyway.missions.items.document import MissionDocument
     from skyway.missions.items.mission import Mission, MissionItem
     from skyway.models.drones.drone import Drone
-    from skyway.models.network.network import Station
+    from skyway.models.network.station import Station
 
 AUTOPILOT_MAX_SPEED_MPS = 20.0
 FAR_FROM_HOME_M = 10_000.0

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
     from skyway.missions.items.coordinates import Point
-    from skyway.models.network.network import Station
+    from skyway.models.network.station import Station
 
 NEAR_STATION_M = 150.0
 _CELL_DEG = 0.01

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from skyway.missions.checks.route import Route, RouteLeg
     from skyway.missions.items.mission import Mission
     from skyway.models.flight.way_heights import Over
-    from skyway.models.network.network import Station
+    from skyway.models.network.station import Station
 
 DIFFER_M = 15.0
 """A larger difference between the height of home and that of the terrain there is reported."""

@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from skyway.missions.recharge.work import Work
     from skyway.models.airspace.airspace import Airspace
     from skyway.models.flight.way_heights import Over
-    from skyway.models.network.network import Station
+    from skyway.models.network.station import Station
 
 STEADY_S = 5.0
 """Time in which a vehicle stands still where the work continues, so that it starts exactly there."""

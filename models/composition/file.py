@@ -20,19 +20,11 @@ from skyway.models.base.files import read_text, write_atomically
 from skyway.models.base.statistics import Figure
 from skyway.models.base.units import J_PER_WH, iso, parse_instant
 from skyway.models.composition import schema
-from skyway.models.composition.composition import (
-    ArrivalDistribution,
-    Composition,
-    DeliveryCosts,
-    DroneService,
-    EnergyDistribution,
-    LegSegment,
-    Place,
-    Stop,
-    WayBack,
-)
+from skyway.models.composition.composition import Composition, WayBack
 from skyway.models.composition.conditions import Condition
+from skyway.models.composition.distributions import ArrivalDistribution, DeliveryCosts, EnergyDistribution
 from skyway.models.composition.heights import LegHeights, NearObstacle, TerrainUse
+from skyway.models.composition.service import DroneService, LegSegment, Place, Stop
 from skyway.models.flight.clearance import Clearance
 from skyway.models.wind.summary import Wind
 

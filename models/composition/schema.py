@@ -1,4 +1,4 @@
-"""Structure of a composition file: the fields of each class of `models.composition.composition`, in their order.
+"""Structure of a composition file: the fields of each class of `models.composition`, in their order.
 
 Fields have the names of the class; `rename` gives their names in the file. Fields of `_Derived` follow from other fields:
 they are written for readers, and not read. See `models.composition.file`.

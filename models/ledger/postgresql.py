@@ -93,7 +93,11 @@ class PostgresqlLedger(Ledger):
 
     def rows(self, sql: str, values: Sequence[Any] = ()) -> list[tuple[Any, ...]]:
         """Run one statement and return its rows."""
-        done = self._connection.execute(sql.replace("?", "%s"), tuple(values))
+        self._asked_s = time.monotonic()
+        try:
+            done = self._connection.execute(sql.replace("?", "%s"), tuple(values))
+        finally:
+            self._asked_s = None
         return done.fetchall() if done.description else []
 
     @contextmanager
@@ -101,10 +105,14 @@ class PostgresqlLedger(Ledger):
         """Run a block as one transaction."""
         errors = self._psycopg.errors
         pads = dict(self._pads)
-        self._asked_s = time.monotonic()
         try:
+            self._asked_s = time.monotonic()
             with self._connection.transaction():
-                yield
+                self._asked_s = None
+                try:
+                    yield
+                finally:
+                    self._asked_s = time.monotonic()
         except (errors.ExclusionViolation, errors.DeadlockDetected, errors.UniqueViolation):
             self._pads = pads
             raise TakenError from None
@@ -121,7 +129,10 @@ class PostgresqlLedger(Ledger):
             self._asked_s = None
 
     def _watch(self) -> None:
-        """Close the connection if no answer comes: the waiting caller then gets an error."""
+        """Close the connection if a statement is not answered: the waiting caller then gets an error.
+
+        The time that the caller takes for its rows, and between statements, does not count.
+        """
         while not self._connection.closed:
             asked_s = self._asked_s
             if asked_s is not None and time.monotonic() > asked_s + ANSWER_S:

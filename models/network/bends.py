@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
     from skyway.models.airspace.airspace import Airspace
     from skyway.models.airspace.ways import Ways
-    from skyway.models.network.network import Station
+    from skyway.models.network.station import Station
 
 Corner = tuple[int, int]
 """A volume, and a corner of its outline."""

@@ -8,7 +8,7 @@ import numpy as np
 
 from skyway.models.base import geodesy
 from skyway.models.base.errors import InputError
-from skyway.models.network.network import ConnectionRule, Network, Station
+from skyway.models.network.network import Network
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from skyway.models.airspace.airspace import Airspace
+    from skyway.models.network.station import ConnectionRule, Station
 
 RULES = ("max-length", "nearest", "gabriel")
 MAX_PAIRS = 20_000_000

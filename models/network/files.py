@@ -14,12 +14,14 @@ from skyway.models.base.files import read_text, write_atomically
 from skyway.models.base.geodesy import coordinate_faults, line_geometry
 from skyway.models.base.json_text import json_text
 from skyway.models.network.geojson import features, read_geojson
-from skyway.models.network.network import Network, Station
+from skyway.models.network.station import Station
 from skyway.models.queues.opening_hours import opening_hours
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
     from pathlib import Path
+
+    from skyway.models.network.network import Network
 
 MAX_BYTES = 64 * 1024 * 1024
 MAX_PADS = 10_000

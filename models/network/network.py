@@ -1,8 +1,7 @@
-"""The skyway network: stations, delivery targets and the segments between them."""
+"""The skyway network: stations, delivery targets and the segments between them, as objects and arrays."""
 
 from __future__ import annotations
 
-import difflib
 import math
 from collections import Counter
 from dataclasses import dataclass, field, replace
@@ -12,13 +11,15 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from skyway.models.base import geodesy, views
-from skyway.models.base.errors import Fault, InputError, refuse
+from skyway.models.base.errors import Fault, refuse
 from skyway.models.base.formatting import place_text
 from skyway.models.flight.level_steps import NO_LEAST
 from skyway.models.flight.way_heights import segment_heights
 from skyway.models.network.bends import Bends, with_bends
 from skyway.models.network.overs import joined_pairs, with_overs
 from skyway.models.network.site_weights import SiteWeights
+from skyway.models.network.station import Station
+from skyway.models.network.station_names import find
 from skyway.models.network.zoned import flown_ways, flyable, ground_of, inside, least_of, raised, renumbered
 from skyway.models.wind.interpolation import weights_at
 
@@ -32,74 +33,12 @@ if TYPE_CHECKING:
     from skyway.models.airspace.airspace import Airspace
     from skyway.models.flight.level_steps import Least
     from skyway.models.flight.way_heights import Over, SegmentHeights
+    from skyway.models.network.station import ConnectionRule
     from skyway.models.network.zoned import Raised
 
 
 SHORTEST_M = 1.0
 """A shorter segment counts as this long, so that every flight has a speed and a course."""
-
-
-@dataclass(frozen=True, slots=True)
-class Station:
-    """A node of the network.
-
-    Attributes
-    ----------
-    id, name : str
-        Unique id, name for people.
-    lat, lon : float
-        Degrees, WGS-84.
-    elevation_m : float or None
-        Ground above mean sea level; None is unknown.
-    pads : int
-        Recharging pads; 0 is a delivery target.
-    holding_spots : int
-        Drones that may stand beside the pads while they wait.
-    recharge_power_w : float or None
-        Most that one pad delivers; None limits nothing.
-    energy_price_per_kwh, pad_fee : float or None
-        Price of a kWh there at all hours, and the fee of each charge besides, in the scenario's currency; None: as in the scenario.
-    open_hours : str
-        When pads can be used, see `models.queues.opening_hours`; empty: always.
-    flyover : bool
-        Not a station but a bend of the way around a zone, or a begin or end of a way over one: landing is not possible.
-    least_m, least_agl_m : float
-        Between two such places the way is at least so high, the lower of the two, above mean sea level and above the ground.
-    """
-
-    id: str
-    name: str
-    lat: float
-    lon: float
-    elevation_m: float | None = None
-    pads: int = 5
-    holding_spots: int = 4
-    recharge_power_w: float | None = None
-    energy_price_per_kwh: float | None = None
-    pad_fee: float | None = None
-    open_hours: str = ""
-    flyover: bool = False
-    least_m: float = -math.inf
-    least_agl_m: float = -math.inf
-
-
-@dataclass(frozen=True, slots=True)
-class ConnectionRule:
-    """How segments are made where none are given.
-
-    Attributes
-    ----------
-    kind : str
-        ``max-length``, ``nearest`` or ``gabriel`` (see `models.network.builders`).
-    max_length_m : float
-        No segment is longer.
-    nearest : int
-        Neighbours of each station, for ``nearest``.
-    """
-
-    kind: str = "max-length"
-    max_length_m: float = 10_000.0
-    nearest: int = 6
 
 
 @dataclass(frozen=True)
@@ -397,38 +336,8 @@ class Network:
         return sorted((tuple(group) for group in groups.values()), key=len, reverse=True)
 
     def find(self, text: str) -> int:
-        """Node of a station by id, else by an unambiguous part of its id or name, capitals ignored.
-
-        Raises an `InputError` if nothing matches (with the nearest names), or if several do.
-        """
-        if text in self.index:
-            return self.index[text]
-        wanted = text.strip().casefold()
-        exact = [i for i, s in enumerate(self.stations) if wanted in (s.id.casefold(), s.name.casefold())]
-        if len(exact) == 1:
-            return exact[0]
-        hits = [
-            i
-            for i, s in enumerate(self.stations)
-            if wanted and not s.flyover and (wanted in s.name.casefold() or wanted in s.id.casefold())
-        ]
-        if len(hits) == 1:
-            return hits[0]
-        if hits:
-            names = ", ".join(self.stations[i].id for i in hits[:6]) + (", …" if len(hits) > 6 else "")
-            raise InputError("fits several stations", field="station", value=text, remedy=f"choose one of {names}")
-        raise InputError("no such station", field="station", value=text, remedy=self._suggest(wanted))
-
-    def _suggest(self, wanted: str) -> str:
-        names = {s.id.casefold(): s.id for s in self.stations}
-        for station in self.stations:
-            for word in (station.name, *station.name.split()):
-                names.setdefault(word.casefold(), station.id)
-        close = difflib.get_close_matches(wanted, names, n=6, cutoff=0.5)
-        ids = list(dict.fromkeys(names[name] for name in close))[:3]
-        if ids:
-            return "did you mean " + " or ".join(ids) + "?"
-        return "skyway network lists the stations"
+        """Return the node of a station; see `models.network.station_names.find`."""
+        return find(self.stations, self.index, text)
 
     def with_target(self, lat: float, lon: float, *, id: str = "target") -> Network:  # noqa: A002
         """Add a delivery target without pads, joined to the stations by the network's rule; it is the last node.

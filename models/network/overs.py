@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from skyway.models.airspace.airspace import Airspace
-    from skyway.models.network.network import Station
+    from skyway.models.network.station import Station
 
 BESIDE_M = 10.0
 """The vehicle climbs and descends this far before and behind the widened outline: straight lines on the map and geodesics differ by less."""

@@ -12,7 +12,8 @@ import numpy as np
 from skyway.models.base.errors import Fault, InputError, refuse
 from skyway.models.base.geodesy import coordinate_faults
 from skyway.models.network.builders import build_network
-from skyway.models.network.network import ConnectionRule, Network, Station
+from skyway.models.network.network import Network
+from skyway.models.network.station import ConnectionRule, Station
 from skyway.models.queues.opening_hours import opening_hours
 
 if TYPE_CHECKING:

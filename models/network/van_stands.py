@@ -16,7 +16,7 @@ from skyway.models.base import geodesy
 from skyway.models.base.errors import Fault, refuse
 from skyway.models.base.formatting import distance_text, duration
 from skyway.models.network.geojson import features, read_geojson
-from skyway.models.network.network import Station
+from skyway.models.network.station import Station
 from skyway.models.orders.rows import Row, fault_at, read_rows
 
 if TYPE_CHECKING:

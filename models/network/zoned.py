@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
     from skyway.models.airspace.airspace import Airspace
     from skyway.models.flight.way_heights import SegmentHeights
-    from skyway.models.network.network import Station
+    from skyway.models.network.station import Station
 
 
 def ground_of(stations: Sequence[Station]) -> NDArray[np.float64]:

@@ -22,7 +22,8 @@ if TYPE_CHECKING:
 
     from skyway.models.airspace.airspace import Airspace
     from skyway.models.airspace.ways import Ways
-    from skyway.models.network.network import Network, Station
+    from skyway.models.network.network import Network
+    from skyway.models.network.station import Station
     from skyway.models.wind.history import WindSite
 
 LOST_M = 1_000_000.0

@@ -27,7 +27,8 @@ from skyway.models.flight.clearance import Clearance
 from skyway.models.flight.rules import FlightRules
 from skyway.models.network.builders import RULES, build_network
 from skyway.models.network.files import MAX_PRICE, STATION_FIELDS, read_segments, read_stations
-from skyway.models.network.network import ConnectionRule, Network
+from skyway.models.network.network import Network
+from skyway.models.network.station import ConnectionRule
 from skyway.models.queues.load import WEEK_H, PadLoad
 from skyway.models.queues.load_files import read_load, read_occupancy
 from skyway.models.scenario.air import fleet_in_air
@@ -46,7 +47,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
     from os import PathLike
 
-    from skyway.models.network.network import Station
+    from skyway.models.network.station import Station
     from skyway.models.terrain.terrain import Terrain
 
 SCHEMA = "skyway.scenario/1"

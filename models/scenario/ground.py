@@ -19,7 +19,8 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from skyway.models.network.network import Network, Station
+    from skyway.models.network.network import Network
+    from skyway.models.network.station import Station
     from skyway.models.scenario.scenario import Scenario
     from skyway.models.terrain.terrain import Terrain
 

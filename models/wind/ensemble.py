@@ -22,6 +22,8 @@ from skyway.models.wind.triangle import height_factor
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
+    from skyway.models.wind.felt_gust import FeltGust
+
 
 def evenly(count: int, most: int) -> NDArray[np.int64]:
     """Return at most as many of the numbers below `count`, evenly chosen, ascending."""
@@ -77,6 +79,8 @@ class WindEnsemble:
         Other forecast quantities.
     notes : tuple of str
         Notes for a person.
+    gust : FeltGust, optional
+        Measured in the air just now; it is not in `north` and `east`.
 
     Raises
     ------
@@ -98,6 +102,7 @@ class WindEnsemble:
     then: str = ""
     weather: HourlyWeather | None = None
     notes: tuple[str, ...] = ()
+    gust: FeltGust | None = None
 
     def __repr__(self) -> str:
         members, slots, sites = self.north.shape
@@ -139,9 +144,12 @@ class WindEnsemble:
         return min(max(math.floor((posix_s - self.start_s) / self.slot_s), 0), self.slots - 1)
 
     def at_height(self, height_m: float, exponent: float) -> WindEnsemble:
-        """Return the wind at another height above ground, by the power law of `models.wind.triangle.height_factor`."""
+        """Return the wind at a height above ground, by the power law of `models.wind.triangle.height_factor`."""
+        if height_m == self.height_m:
+            return self
         factor = height_factor(height_m, self.height_m, exponent)
-        return replace(self, north=self.north * factor, east=self.east * factor, height_m=height_m)
+        gust = None if self.gust is None else self.gust.times(factor)
+        return replace(self, north=self.north * factor, east=self.east * factor, height_m=height_m, gust=gust)
 
     def at_sites(self, lat: NDArray[np.float64], lon: NDArray[np.float64]) -> WindEnsemble:
         """Return the wind at places, degrees, as its sites; between these it is interpolated by their distance."""

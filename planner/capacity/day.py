@@ -16,7 +16,7 @@ from skyway.models.orders.fitting import fit
 from skyway.planner.capacity.changes import NOTHING, Change, changed
 from skyway.planner.capacity.demand import ENERGY, STRANGERS, Demand, draws, drones_of, orders_of
 from skyway.planner.capacity.execution import HORIZON_S, WARM_UP_S, carry_out, strangers
-from skyway.planner.dispatch.dispatch import told
+from skyway.planner.dispatch.dispatch import result_of
 from skyway.planner.dispatch.flights import Laid, lay_out_problem
 from skyway.planner.dispatch.improve import solve
 from skyway.planner.dispatch.search import Search
@@ -135,7 +135,7 @@ def simulate(piece: Piece, load: Callable[[Path | None], Scenario]) -> DayDone:
     prompt = replace(study.parameters, dispatch=replace(study.parameters.dispatch, max_late_s=0.0))
     laid = lay_out_problem(work, study.begin, forecast, prompt, reserve=study.reserve)
     search = _planned(laid, study, piece.day)
-    routes, answers = told(work, laid, search)
+    routes, answers = result_of(work, laid, search)
     stated = _stated(work, routes, [one.order for one in answers.values()], forecast, study)
     true_wind = work.scenario.truth(day, study.begin, HORIZON_H)
     met = lay_out_problem(work, study.begin, true_wind, study.parameters, reserve=0.0, margins=False)

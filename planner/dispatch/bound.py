@@ -1,7 +1,7 @@
 """Lower bound of the cost of any plan of a fleet: an assignment of orders to predecessors.
 
-Each order that is served was fetched by a drone that came from its first place or from another order, and each of those has one next
-order at most. So the cheapest assignment of orders to predecessors bounds the cost from below, when each pair costs no more than in
+Each served order is fetched by a drone that comes from its first place or from another order, and each of those has at most one next
+order. So the cheapest assignment of orders to predecessors bounds the cost from below, when each pair costs no more than in
 any plan: flights as in the best slot, charging at the fastest rate and only beyond what a full battery holds, pads always free.
 """
 
@@ -17,7 +17,8 @@ if TYPE_CHECKING:
     from skyway.planner.dispatch.problem import DispatchProblem
 
 MAX_CELLS = 40_000_000
-"""Largest numbers of pairs that are assigned, and that are computed at once; above, each order takes its cheapest predecessor."""
+"""Largest numbers of pairs that are assigned, and that are computed at once; above, each order takes its cheapest
+predecessor."""
 
 
 def lower_bound(problem: DispatchProblem) -> float:

@@ -1,7 +1,7 @@
-"""What the check before a take-off wants of flights, over what they take on average: a fleet is planned with it, so that it need not wait for charge.
+"""Energy that the preflight check requires of flights, relative to the mean: a fleet is planned with it, so that take-offs need not wait for charge.
 
-It is found with the check itself (`planner.online.departure_gate`), in the forecast of now, for legs from slow to fast. An error of the wind of w along a leg
-makes its time longer by w / v of it, v its ground speed; so what is wanted is (a + b / v) of the mean, with a and b by least squares.
+It is computed with the check itself (`planner.online.departure_gate`), in the present forecast, for legs from slow to fast. A wind error w along a leg
+of ground speed v makes its time longer by the share w / v; so the required energy is (a + b / v) of the mean, with a and b by least squares.
 """
 
 from __future__ import annotations
@@ -31,14 +31,16 @@ if TYPE_CHECKING:
 
 LEGS = 15
 SHORTEST, LONGEST = 0.1, 0.45
-"""Shares of a battery that they take on average: more is seldom begun, and of less a little more or less is no matter."""
+"""Mean energy of the legs that are used, as shares of a battery: flights that need more are seldom begun, and for
+less the margin hardly matters."""
 QUANTILE = 0.6
-"""Of what the check wants beside the line: who has too little waits for charge, who has too much has waited for it."""
+"""Quantile of the deviations from the line that is added to it: with too low a margin a drone waits for charge at
+take-off, with too high a margin it has charged too long."""
 
 
 @dataclass(frozen=True)
 class DepartureMargin:
-    """Shares of the mean energy that flights are begun with: `share` + `pace_mps` / ground speed, within what was found."""
+    """Ratio of required to mean energy: `share` + `pace_mps` / ground speed, within the range of the legs used."""
 
     share: float
     pace_mps: float
@@ -46,7 +48,7 @@ class DepartureMargin:
     most: float
 
     def of(self, speed_mps: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return by how much more than the mean, as a share, flights of some ground speeds need to be begun."""
+        """Return the required energy above the mean, as a share of it, for some ground speeds."""
         wanted = self.share + self.pace_mps / np.maximum(speed_mps, 1e-3)
         found: NDArray[np.float64] = np.clip(wanted, self.least, self.most) - 1.0
         return found
@@ -56,7 +58,7 @@ def departure_margin(
     scenario: Scenario, forecast: WindEnsemble, depart: datetime, drone: str, parameters: PlannerParameters, *,
     drag: DragModel | None, reserve: float,
 ) -> DepartureMargin | None:  # fmt: skip
-    """Return by how much more than the mean flights need to be begun; None where the network has no legs to tell it by."""
+    """Return the departure margin; None if the network has no leg to compute it from."""
     network, rules = scenario.network, scenario.rules
     stops = [number for number, one in enumerate(network.stations) if one.pads and not one.flyover]
     if len(stops) < 2:
@@ -79,7 +81,7 @@ def departure_margin(
 
 
 def fitted(speed_mps: NDArray[np.float64], share: NDArray[np.float64]) -> DepartureMargin:
-    """Fit the shares that legs of some ground speeds want; with less than four of them, or all of one speed, they are all alike."""
+    """Fit the ratios of legs of some ground speeds; a constant for less than four of them, or if all have one speed."""
     one, pace_mps = 0.0, 0.0
     if len(share) > 3 and np.ptp(1.0 / speed_mps) > 1e-4:
         one, pace_mps = np.linalg.lstsq(np.stack((np.ones(len(share)), 1.0 / speed_mps), axis=1), share, rcond=None)[0]
@@ -88,7 +90,7 @@ def fitted(speed_mps: NDArray[np.float64], share: NDArray[np.float64]) -> Depart
 
 
 def _legs(policy: OnlinePolicy, known: Information, stops: set[int]) -> list[tuple[int, float, float]]:
-    """Segments between stations with pads, from slow to fast: what charge each takes on average without a package, and its ground speed, m/s."""
+    """Segments between stations with pads, from slow to fast: mean charge without a package, and ground speed, m/s."""
     p = policy.problem(known)
     every = np.arange(len(p.network.tail))
     slot = int(max((known.time_s - p.air.start_s) // p.air.slot_s, 0.0))

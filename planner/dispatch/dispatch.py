@@ -49,7 +49,7 @@ if TYPE_CHECKING:
     from skyway.planner.parameters.planner import PlannerParameters
 
 MAX_EXPLAINED = 60
-"""Refused orders that are looked at one by one for the reason."""
+"""Number of refused orders for which a reason is computed."""
 
 
 def dispatch(
@@ -77,42 +77,42 @@ def dispatch(
     Parameters
     ----------
     work : Work
-        Orders and drones, found in a scenario.
+        Orders and drones, with their places in a scenario.
     depart : datetime
-        Nothing begins earlier.
+        Earliest beginning of any charge or flight.
     forecast : WindEnsemble, optional
-        What is known of the wind; the scenario's by default.
+        Forecast of the wind; the scenario's by default.
     holds : sequence of Hold
         Windows of pads that others have booked.
     reserve : float
-        Least charge at any landing.
+        Least SoC at any landing.
     time_limit_s, iterations : float, int
         The search ends after either.
     seed : int
-        Of everything random; with a limit on iterations alone the same plan comes out each time.
+        Seed of all random numbers; with a limit on iterations alone the plan is reproducible.
     parameters : PlannerParameters, optional
-        Tuned numbers.
+        Parameters of the planners.
     kept : mapping of str to sequence of Step, optional
-        What was planned for each drone before and has not begun: the search begins with it, and does it as it was planned where it can be.
+        Previously planned steps of each drone that have not begun: the search starts from them, and keeps them where possible.
     promised : mapping of str to datetime, optional
-        When orders were promised to be delivered. Whatever the search finds is taken only where it is worth the promises that it changes.
+        Promised delivery times. A plan that changes promises is accepted only if its gain exceeds their cost.
     once_promised : collection of str
-        Orders that were promised at any time, those of `promised` too: they weigh as one priority more, and are late rather than refused.
+        Orders that ever had a promise, including those of `promised`: their priority is higher by one, and they are delivered late rather than refused.
     margin_of : mapping of str to DepartureMargin, optional
-        By how much more than the mean flights of each type of drone need (`planner.dispatch.departure_margin`); the usual one by default.
+        Departure margin of each type of drone (`planner.dispatch.departure_margin`); the usual one by default.
     hope : WindEnsemble, optional
-        A forecast in which, with the usual margin, an order must be hopeless as well to be told so: what was just measured of the wind passes.
+        A second forecast in which, with the usual margin, an order must also be infeasible to be reported as hopeless: measured winds are temporary.
     closed : mapping of Leg to float, optional
-        Legs that are not flown before a time, POSIX seconds.
+        Legs that are closed until a time, POSIX seconds.
     bounded : bool
-        Whether the bound of the cost is wanted, too; without it is 0.
+        Whether the lower bound of the cost is computed; otherwise it is 0.
     seen : PadsSeen
-        Strangers on the pads now, as far as they were seen: waits are expected from there on.
+        Other drones reported on the pads: expected waits start from this state.
 
     Raises
     ------
     InputError
-        It reaches beyond the forecast, or is too large.
+        The plan reaches beyond the forecast, or the problem is too large.
     """
     started = time.perf_counter()
     forecast = forecast if forecast is not None else work.scenario.forecast(depart, HORIZON_H)
@@ -133,7 +133,7 @@ def dispatch(
         laid.problem, parameters.dispatch, seed=seed, time_limit_s=time_limit_s, iterations=iterations,
         before=before(work, laid, kept or {}, promised or {}),
     )  # fmt: skip
-    routes, answers = told(work, laid, search)
+    routes, answers = result_of(work, laid, search)
     hoped = None
     if hope is not None and len(answers) < len(work.orders):
         hoped = lay_out_problem(work, depart, hope, parameters, holds=holds, reserve=reserve, promised=once, seen=seen)
@@ -156,8 +156,8 @@ def dispatch(
     )
 
 
-def told(work: Work, laid: Laid, search: Search) -> tuple[list[Route], dict[int, Answer]]:
-    """Tell the routes, and what becomes of the orders on them."""
+def result_of(work: Work, laid: Laid, search: Search) -> tuple[list[Route], dict[int, Answer]]:
+    """Convert the routes, and the outcome of each order, to the result."""
     stations = [work.scenario.network.stations[node].id for node in laid.places]
     first_pad, pads = laid.problem.flights.first_pad, laid.problem.flights.pads
     routes, answers = [], {}
@@ -211,7 +211,7 @@ def told(work: Work, laid: Laid, search: Search) -> tuple[list[Route], dict[int,
 def _explained(
     work: Work, laid: Laid, answers: dict[int, Answer], parameters: PlannerParameters, hoped: Laid | None = None
 ) -> list[Answer]:
-    """Give each order that is not served its reason: what would become of it if it were the only one; hopeless is what is so in what is hoped for, too."""
+    """Give each order that is not served a reason: its outcome as the only order; hopeless if it is infeasible in the forecast `hope`, too."""
     refused = [number for number in range(len(work.orders)) if number not in answers]
     forever = np.full(len(work.orders), np.inf)
     alone, at_best = (
@@ -224,7 +224,7 @@ def _explained(
     )
     for count, number in enumerate(refused):
         order = work.orders[number]
-        reason, hopeless = "the drones and pads serve orders that count more", False
+        reason, hopeless = "the drones and pads serve orders of greater weight", False
         if alone is not None and count < MAX_EXPLAINED:
             latest = float(laid.problem.orders.latest_s[number])
             reason, hopeless = _alone(work, alone, number, reason, latest)
@@ -235,10 +235,10 @@ def _explained(
 
 
 def _alone(work: Work, alone: Search, number: int, otherwise: str, latest_s: float) -> tuple[str, bool]:
-    """Return why an order is not served, by what would become of it without any other, and whether even that does not serve it."""
+    """Return the reason why an order is not served, from its outcome as the only order, and whether even that is infeasible."""
     drones, added, position = alone.tried(number)
     if not len(drones) or not np.isfinite(added).any():
-        return "no drone of the fleet can fetch it, deliver it and be home in its time, even alone", True
+        return "no drone of the fleet can pick it up, deliver it and return in time, even without other orders", True
     best = int(np.argmin(added))
     drone = int(drones[best])
     before = alone.saved(drone)
@@ -250,5 +250,5 @@ def _alone(work: Work, alone: Search, number: int, otherwise: str, latest_s: flo
     alone.drone_of[number] = -1
     if done_s > latest_s:
         late_s = done_s - work.orders[number].due.timestamp()
-        return f"even alone it would be {duration(late_s)} late, with {work.vehicles[drone].id}", True
+        return f"even without other orders it would be {duration(late_s)} late, with {work.vehicles[drone].id}", True
     return f"{otherwise}; alone, {work.vehicles[drone].id} could deliver it", False

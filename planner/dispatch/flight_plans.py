@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from skyway.planner.parameters.planner import PlannerParameters
 
 CHARGE_MORE = 0.01
-"""Extra charge beyond that of the plan, against rounding."""
+"""Added charge, as SoC, against rounding."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,7 +42,7 @@ class PlannedFlight:
     """One part of a drone's route."""
 
     order: str | None
-    """None on the way home."""
+    """Order of the flight; None on the way home."""
     phase: Phase
     steps: tuple[Step, ...]
 

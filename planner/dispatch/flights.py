@@ -41,9 +41,9 @@ if TYPE_CHECKING:
     from skyway.planner.parameters.planner import PlannerParameters
 
 MAX_BYTES = 3e9
-"""Of the tables of flights."""
+"""Largest size of the tables of flights, bytes."""
 AFTER_S = 4 * S_PER_H
-"""Time after the last due time for which winds are computed."""
+"""Time after the last due time for which winds are computed, s."""
 
 
 Leg = tuple[str, str, str]
@@ -58,7 +58,7 @@ class Laid:
     places: tuple[int, ...]
     """Node of the network of each place."""
     modes: tuple[tuple[str, float], ...]
-    """Drone and mass of each mode."""
+    """Type of drone, and mass of the package, of each mode."""
 
 
 def lay_out_problem(

@@ -33,7 +33,8 @@ KEEPS_BEST = 200
 HALTED = 1
 """Largest number of changed orders that get or lose a charging stop, on the way to the package or with it."""
 HALTED_HOME = 0.1
-"""Chance that it is one on the way home. With a third, and drones that try all stops in a fifth of the changes (`ELSEWHERE`), 11 of 90 small problems came out worse, with these 2, as many as without either."""
+"""Chance that it is one on the way home. With a third, and with all stops tried in a fifth of the changes
+(`ELSEWHERE`), 11 of 90 small problems had a higher cost; with these values 2, as many as without either."""
 NEAREST = 6
 """Number of nearby stations from which such a stop is chosen."""
 LEVELS = (0.0, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0)
@@ -41,7 +42,7 @@ LEVELS = (0.0, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0)
 ELSEWHERE = 0.05
 """Chance that only one drone is flown again, with each of the stops tried for one order and phase, or for its way home."""
 ELSEWHERE_OF = 2
-"""That drone is the most expensive of so many random ones."""
+"""Number of random drones of which the most expensive is selected."""
 AGAIN = 0.1
 """Probability that some drones are only scheduled again, in another sequence: the first one gets the pads."""
 RESTYLED = 0.3
@@ -251,9 +252,9 @@ def solve(
     iterations: int = 10**9,
     before: Before | None = None,
 ) -> Search:
-    """Search for routes, for so long or so many iterations; an `InputError` refuses a limit that is not above 0.
+    """Search for routes, within a time limit or a number of iterations; an `InputError` refuses a limit that is not above 0.
 
-    It begins with the routes of `before`; what is found after them is taken only where it is worth the promises that it changes.
+    The search begins with the routes of `before`; a plan that changes promises is accepted only if its gain exceeds their cost.
     """
     if not time_limit_s > 0.0:
         raise InputError("must be above 0", field="--time-limit", value=time_limit_s)

@@ -21,7 +21,8 @@ class Flights(NamedTuple):
     to_go_s: NDArray[np.float64]
     """Same shape: least time from one place to another, with the charging time of its energy."""
     escape: NDArray[np.float64]
-    """Shape (modes, places): charge that takes a drone from a place to one with pads, in any slot; 0 where there are some."""
+    """Shape (modes, places): charge of the flight from a place to the nearest one with pads, in any slot; 0 at a
+    place with pads."""
     start_s: float
     slot_s: float
     """Beginning of the first slot, POSIX seconds, and the length of each; the last one has no end."""

@@ -23,16 +23,17 @@ class Step:
 
     kind: Literal["fly", "charge"]
     order: str | None
-    """The order that it is for; None on the way home."""
+    """Order of the step; None on the way home."""
     phase: Phase
     origin: str
     destination: str
-    """Ids of stations; of a charge both are its station."""
+    """Ids of stations; for a charge both are its station."""
     begin: datetime
     end: datetime
     soc_begin: float
     soc_end: float
-    """0 to 1 of what the battery holds today; a flight's charge has the margin that keeps the reserve."""
+    """State of charge, 0 to 1 of the battery's present capacity; a flight's charge has the margin that keeps the
+    reserve."""
     pad: int | None = None
     """Number of the pad, from 1."""
 
@@ -74,7 +75,7 @@ class Answer:
     reason: str | None = None
     """Reason of a refusal."""
     hopeless: bool = False
-    """Whether it could not be served even as the only order."""
+    """Whether it is infeasible even as the only order."""
     windows: tuple[Window, ...] = ()
     """Pads of its flights, including those on the way home after it."""
     outlook: Outlook | None = None
@@ -88,21 +89,21 @@ class DispatchPlan:
     Attributes
     ----------
     depart : datetime
-        Planned from here on.
+        Beginning of the plan.
     answers : tuple of Answer
-        Of all orders, as they were given.
+        Outcome of all orders, in the given sequence.
     routes : tuple of Route
-        Of the drones that have orders.
+        Routes of the drones with orders.
     cost_s, bound_s : float
-        What is weighed (`planner.parameters.dispatch`), in seconds, and what no plan of this fleet can be below.
+        Cost (`planner.parameters.dispatch`), in seconds, and a lower bound of the cost of any plan of this fleet.
     energy_j : float
-        Of all flights, margins included.
+        Energy of all flights, with margins.
     iterations : int
-        Changes tried.
+        Iterations of the search.
     planning_time_s : float
         Wall time.
     below_reserve : float or None
-        Share of landings below the reserve, where the plan was flown in worlds.
+        Share of landings below the reserve, if the plan was simulated.
     """
 
     depart: datetime
@@ -122,7 +123,7 @@ class DispatchPlan:
 
     @property
     def late(self) -> int:
-        """Orders served, but after they are due."""
+        """Orders served after they are due."""
         return sum(one.late_s > 0.5 for one in self.answers)
 
 

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from skyway.planner.parameters.dispatch import DispatchParameters
 
 MAX_ROUTE, MAX_WINDOWS, MAX_ROWS = 40, 400, 1200
-"""Orders, windows of pads, and flights and charges of one drone."""
+"""Maximum numbers of orders, windows of pads, and flights and charges of one drone."""
 TAKEN_WAITING = (1.0, 0.6, 0.0)
 """Charges to which drones charge while they wait, when a route is kept: the first one with which the route is feasible is used."""
 STOPS_TRIED = 12
@@ -85,7 +85,8 @@ class Search:
         self.trace = Trace(np.zeros((MAX_ROWS, 10)), np.zeros(1, dtype=np.int64))
         self._silent = Trace(np.zeros((0, 10)), np.zeros(1, dtype=np.int64))
         self.steps = [np.zeros((0, 10))] * self.drones
-        """Flights and charges of each drone. They are kept, because laying the route out again could give other pads."""
+        """Flights and charges of each drone. They are stored, because laying the route out again could give other
+        pads."""
         self.drone_of = np.full(self.orders, -1, dtype=np.int64)
         """Which drone serves each order; -1: none."""
         self._wanted = [int(one) for one in np.lexsort((orders.due_s, -orders.refusal_s))]
@@ -125,7 +126,7 @@ class Search:
         least = self._least_arrivals(order)
         first = np.where(np.isfinite(least), behind, np.inf)
         score = np.maximum(first, orders.ready_s[order]) + 0.5 * way_s
-        busy = np.isfinite(least) & (at > orders.due_s[order])  # it may still fit in before
+        busy = np.isfinite(least) & (at > orders.due_s[order])  # the order may still fit in before
         score = np.where(busy, np.maximum(least, orders.ready_s[order]) + 600.0, score)
         chosen = np.argpartition(score, count)[:count]
         found: NDArray[np.int64] = chosen[np.isfinite(score[chosen])]
@@ -201,7 +202,7 @@ class Search:
             self.all_back(undo)
 
     def all_back(self, known: Known) -> None:
-        """Make some drones what they were, and the orders theirs."""
+        """Restore the states of some drones, and their orders."""
         for drone in known.saved:
             unbook(self.calendar, self.routes, drone)
         for drone, one in known.saved.items():
@@ -214,7 +215,7 @@ class Search:
         return [int(one) for one in self.routes.order[drone, : self.routes.length[drone]]]
 
     def stops_near(self, order: int, phase: int, count: int) -> NDArray[np.int64]:
-        """Stops with pads that are near to the origin of an order, on the way of its package, or near to where that is delivered."""
+        """Return stops with pads near the origin of an order, on the way of its package, or near its destination."""
         flights, orders = self.problem.flights, self.problem.orders
         way = flights.to_go_s[0, 0]
         stops, origin, destination = flights.stops, orders.origin[order], orders.destination[order]
@@ -224,10 +225,10 @@ class Search:
         return stops[np.argsort(far, kind="stable")[:count]]
 
     def settle(self, drone: int, order: int, phase: int) -> bool:
-        """Let a drone charge where its route costs least, for an order and phase; for its way home with its last order.
+        """Select the charging stop of one drone at which its route costs least, for an order and phase; for its way home with its last order.
 
-        It leaves a stop with what a flight from there to the next goal needs, or with as much as now where that takes another stop. False, with nothing
-        booked, where the drone cannot be flown.
+        The drone leaves a stop with the charge that the flight to the next goal needs, or with the present one if that needs another stop. False, with nothing
+        booked, if the route is infeasible.
         """
         halts = self.routes.halts
         now = int(halts.place[order, phase]), float(halts.soc[order, phase])
@@ -240,7 +241,7 @@ class Search:
         return min(costs) < math.inf and self.lay_out(drone)
 
     def _enough(self, drone: int, order: int, phase: int, stop: int, otherwise: float) -> float:
-        """Charge that a flight from a stop to the next goal needs; `otherwise` where a full battery is too little."""
+        """Charge of a flight from a stop to the next goal; `otherwise` if a full battery is too little."""
         flights, fleet, orders = self.problem.flights, self.problem.fleet, self.problem.orders
         goal = (orders.origin[order], orders.destination[order], fleet.home[drone])[phase]
         empty, loaded = fleet.empty_mode[drone], orders.mode[fleet.type[drone], order]
@@ -250,7 +251,7 @@ class Search:
         return enough if enough <= 1.0 else otherwise
 
     def again(self, drones: Sequence[int]) -> bool:
-        """Fly the routes of some drones again, the first one's in pads that none of them has; false where one is not flown."""
+        """Schedule the routes of some drones again, after the release of all their pads; false if one becomes infeasible."""
         for drone in drones:
             if self.undo is not None:
                 self.undo.saved.setdefault(drone, self.saved(drone))
@@ -258,7 +259,7 @@ class Search:
         return all(self.lay_out(drone) for drone in drones)
 
     def insert(self, order: int, drone: int, position: int) -> bool:
-        """Put an order into a route."""
+        """Insert an order into a route."""
         route = self.route(drone)
         if not self.change(drone, [*route[:position], order, *route[position:]]):
             return False
@@ -266,7 +267,7 @@ class Search:
         return True
 
     def insert_best(self, order: int, noise: float = 0.0) -> bool:
-        """Put an order where it adds least, unless refusing it costs less; false where it stays out."""
+        """Insert an order where it adds least cost, unless refusing it costs less; false if it is not inserted."""
         drones, added, position = self.tried(order)
         blurred = added * np.exp(noise * self.random.standard_normal(len(added)))
         for best in np.argsort(blurred)[:3]:
@@ -277,7 +278,7 @@ class Search:
         return False
 
     def insert_with_regret(self, waiting: list[int]) -> None:
-        """Put in orders, always the one first that would lose most if its best drone were taken by another."""
+        """Insert orders, each time the one with the greatest regret: the cost increase if its best drone is taken by another."""
         p = self.problem.orders
         known = {order: self.tried(order) for order in waiting}
         while known:
@@ -298,13 +299,13 @@ class Search:
                     known[other] = self.tried(other)
 
     def warm_up(self) -> None:
-        """Call each kernel once: where they must be compiled, that is no part of the search."""
+        """Call each kernel once, so that compilation, if needed, is not part of the search."""
         if self.orders and self.drones:
             self.tried(0)
             self.lay_out(0)
 
     def build(self, until_s: float = math.inf, promised: Collection[int] = ()) -> None:
-        """Make first routes: by priority and due time, with regret where there are not too many orders; after a time only of promised ones."""
+        """Build initial routes: by priority and due time, with regret unless there are too many orders; after a time limit only promised ones."""
         waiting = [order for order in self._wanted if self.drone_of[order] < 0]
         if self.orders * min(self.drones, self.parameters.vehicles_tried) <= 2000:
             for refusal in sorted({float(self.problem.orders.refusal_s[one]) for one in waiting}, reverse=True):
@@ -315,7 +316,7 @@ class Search:
                 self.insert_best(order)
 
     def remove(self, orders: Sequence[int]) -> bool:
-        """Take orders out of their routes; false where a route does not fly without one."""
+        """Remove orders from their routes; false if a route becomes infeasible without one."""
         for drone in {int(self.drone_of[one]) for one in orders if self.drone_of[one] >= 0}:
             if not self.change(drone, [one for one in self.route(drone) if one not in orders]):
                 return False
@@ -324,7 +325,7 @@ class Search:
         return True
 
     def polish(self) -> None:
-        """Fly each route once more, in the pads as they are left now; kept where it costs less."""
+        """Schedule each route once more on the pads that are now free; kept if it costs less."""
         for drone in np.flatnonzero(self.routes.length):
             before, cost = self.saved(int(drone)), float(self.routes.total[drone])
             if not self.lay_out(int(drone)) or self.routes.total[drone] > cost + 1e-9:

@@ -13,7 +13,8 @@ from skyway.models.flight.kernels import next_opening
 from skyway.planner.evaluation.flights import DELIVERED, GAVE_UP, Flown, pooled, schedules, tally
 from skyway.planner.evaluation.policies import Adaptive, Policy, Standing
 from skyway.planner.online.turn_back_kernels import out_or_back
-from skyway.planner.problem.problem import HORIZON_H, check_apart
+from skyway.planner.problem.problem import HORIZON_H
+from skyway.planner.problem.request_checks import check_apart
 from skyway.planner.schedule.gust_kernels import gusty_land
 from skyway.planner.schedule.itinerary import Leg
 from skyway.planner.schedule.schedule_kernels import COLUMNS, PAD, ROOM, SOC_LANDING, SOC_TAKE_OFF, TOUCH_DOWN

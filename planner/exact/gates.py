@@ -1,15 +1,20 @@
-"""Gates: times at which no drone can be in the air, for example at the end of a storm.
+"""Gates: times at which it is known where drones are, for example the end of a storm.
 
-Where a whole network is closed for longer than a battery lasts, every delivery that arrives afterwards stands at some station when it
-opens, with no more charge than the forward pass of the relaxation says that it can have there. A search that begins at the gate, at
-all of these stations at once and with these charges, therefore bounds the arrival from below, and exactly so where the pause was long
-enough to charge: then it is only left to find one way to the station where its best delivery begins.
+Until a gate, the forward pass of the relaxation says how much charge a drone can have at most at each station; from there on, flights are exact. A
+search that begins at the gate, at all stations at once and with these charges, bounds the arrival from below, and exactly so where there was time to
+charge until the gate: then it is only left to find one way to the station where its best delivery begins. Two times are used:
+
+- The end of the last time in which the whole network is shut for longer than a battery lasts: every delivery that arrives afterwards stands
+  at some station when it opens.
+- The last opening of any segment. Drones may be in the air then. They took off no longer before than a battery lasts, each from a station where the
+  forward pass says what charge it can have had: so the search begins that much earlier, and on the ground each drone only charges
+  until the gate. Where the surroundings of the destination open last, hundreds of stations are reached in time to spare, and the few flights
+  after the gate alone decide.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -24,34 +29,52 @@ if TYPE_CHECKING:
     from skyway.planner.exact.stop_labels import StopLabels
     from skyway.planner.exact.subnetwork import Subnetwork
 
+_EARLY_S = 1e-3
+"""What can be had in a cell can be had this much before it: rounding is much less."""
+
 
 @dataclass(frozen=True, eq=False)
 class Gate:
-    """A time at which every drone is on the ground."""
+    """A time at which every drone is on the ground, or in the air from where it stood within the cells before."""
 
     time_s: float
     """POSIX seconds."""
     cell: int
     """Cell of the forward pass that holds take-offs at that time."""
+    before: int
+    """Cells before it with take-offs of drones that may be in the air at that time; none where all is shut."""
     forward: Forward
-    """Of that pass, what can be had from this cell on."""
+    """Of that pass, what can be had from these cells on."""
+
+    @property
+    def shut(self) -> bool:
+        """Whether no drone is in the air."""
+        return self.before == 0
 
     def roots(self, stop_labels: StopLabels, guide: Guide) -> list[StopLabel]:
-        """Return the best stop label that a drone can have at each station that may be left in time after the gate."""
+        """Return the best stop label that a drone can have at each station that may be left in time after the gate, or to be in the air then."""
         part = stop_labels.subnetwork
-        most = self.forward.leave[0]
+        most = np.maximum.accumulate(self.forward.leave[: self.before + 1])
         may_stand = part.has_pads.copy()
         may_stand[part.origin] = not stop_labels.problem.in_flight
-        wanted = may_stand & np.isfinite(most) & (guide.window[:, 1] >= guide.window[:, 0])
-        return [self._root(stop_labels, node, float(most[node])) for node in np.flatnonzero(wanted).tolist()]
+        wanted = may_stand & np.isfinite(most[-1]) & (guide.window[:, 1] >= guide.window[:, 0])
+        return [self._root(stop_labels, node, most[:, node]) for node in np.flatnonzero(wanted).tolist()]
 
-    def _root(self, stop_labels: StopLabels, node: int, soc: float) -> StopLabel:
+    def _root(self, stop_labels: StopLabels, node: int, most: NDArray[np.float64]) -> StopLabel:
         curve_s, curve_soc = stop_labels.curve(node)
-        potential = float(np.interp(soc, curve_soc, curve_s)) - self.time_s
+        potential = float(np.interp(most[-1], curve_soc, curve_s)) - self.time_s
         on_pad = np.array([[self.time_s, potential, self.time_s]])
         if not stop_labels.subnetwork.has_pads[node]:
             on_pad = np.empty((0, 3))
-        return StopLabel(node, on_pad, np.array([[self.time_s, soc, self.time_s]]), (curve_s, curve_soc))
+        cells, first = self.forward.cells, int(np.argmax(np.isfinite(most)))
+        begin_s = (
+            cells.over_s
+            - stop_labels.table.climb_s
+            - _EARLY_S
+            + cells.step_s * np.arange(first, len(most), dtype=np.float64)
+        )
+        begin_s[-1] = self.time_s if first == self.before else min(begin_s[-1], self.time_s)
+        return StopLabel(node, on_pad, _steps(begin_s, most[first:]), (curve_s, curve_soc))
 
     def only_over(self, nodes: NDArray[np.int64], shape: tuple[int, int]) -> NDArray[np.bool_]:
         """Return a mask, shape (cells, nodes), that leaves only some nodes to be flown over after the gate."""
@@ -61,16 +84,40 @@ class Gate:
         return mask
 
 
-def last_gate(part: Subnetwork, forward: Forward, before_s: float, longest_s: float) -> Gate | None:
-    """Return the last gate before a time in a part of a network, in which no flight and no hover lasts longer than `longest_s`."""
+def _steps(begin_s: NDArray[np.float64], value: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return a profile h, see `planner.schedule.profile_kernels`, of values that each hold from some time on; they never decrease."""
+    rises = np.concatenate(([True], np.diff(value) > 0.0))
+    begin_s, value = begin_s[rises], value[rises]
+    time_s = np.repeat(begin_s, 2)[1:]
+    return np.column_stack((time_s, np.repeat(value, 2)[:-1], time_s))
+
+
+def last_gates(part: Subnetwork, forward: Forward, before_s: float, longest_s: float, *, in_flight: bool) -> list[Gate]:
+    """Return the last opening of any segment before a time in a part of a network, and the last end of a time in which all is shut.
+
+    The later one first, and that alone if all is shut before it. No flight and no hover lasts longer than `longest_s`. A drone that is `in_flight` at
+    the beginning stands nowhere before it has landed.
+    """
     table, cells = part.table, forward.cells
-    shut = np.append(~(table.speed_mps[:-1] > 0.0).any(axis=1), False)  # the last slot holds on
-    edges = np.flatnonzero(np.diff(np.concatenate(([False], shut, [False])).astype(np.int8)))
-    for first, end in reversed(list(pairwise(edges.tolist()))[::2]):
-        time_s = table.start_s + end * table.slot_s
+    is_open = table.speed_mps > 0.0
+    opens = np.flatnonzero((is_open[1:] & ~is_open[:-1]).any(axis=1)) + 1
+    used = np.flatnonzero(is_open.any(axis=1))
+    gates: list[Gate] = []
+    for slot in opens[::-1].tolist():
+        time_s = table.start_s + slot * table.slot_s
         cell = int((time_s + table.climb_s - cells.over_s) / cells.step_s + 1e-9)
-        if time_s < before_s and (end - first) * table.slot_s >= longest_s and 0 < cell < cells.length:
-            later = cells._replace(over_s=cells.over_s + cell * cells.step_s, length=cells.length - cell)
-            kept = Forward(later, forward.over[cell:], forward.leave[cell:], forward.arrive_s, forward.least_s)
-            return Gate(time_s, cell, kept)
-    return None
+        if time_s >= before_s or not 0 < cell < cells.length:
+            continue
+        flown = used[used < slot]
+        shut = bool(slot - 1 - (flown[-1] if len(flown) else -1) >= longest_s / table.slot_s)
+        aloft = 0 if shut else int(longest_s / cells.step_s) + 1
+        if not shut and (gates or (in_flight and aloft >= cell)):
+            continue
+        before = min(aloft, cell)
+        first = cell - before
+        later = cells._replace(over_s=cells.over_s + first * cells.step_s, length=cells.length - first)
+        kept = Forward(later, forward.over[first:], forward.leave[first:], forward.arrive_s, forward.least_s)
+        gates.append(Gate(time_s, cell, before, kept))
+        if shut:
+            break
+    return gates

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from skyway.models.base.errors import Fault, InputError
-from skyway.planner.exact.gates import last_gate
+from skyway.planner.exact.gates import last_gates
 from skyway.planner.exact.label_search import GAIN_S, Round
 from skyway.planner.exact.relaxation import Start, only_nodes, run_backward, run_forward
 from skyway.planner.exact.stop_labels import StopLabels, come_by_s, costs_of, landing_s, longest_s
@@ -188,16 +188,20 @@ class GuidedSearch:
             return
         least = max(least, self.lower_bound_s if part.whole else self._near_bound_s)
         gated = near or (self._dense and self._most_labels == math.inf)
-        gate = last_gate(part, forward, least, longest_s(self.problem)) if gated else None
+        gates = last_gates(part, forward, least, longest_s(self.problem), in_flight=start.at_once) if gated else []
         for beyond in steps[-1:] if at_once else steps:
             until = min(
                 least + (beyond * cells.step_s if near else beyond * (least - start.time_s) + 2.0 * cells.step_s),
                 deadline_s,
             )
-            if gate is not None:
-                least = self._bound_after(gate, part, forward, needed, until)
+            for gate in tuple(gates):
+                found = self._bound_after(gate, part, forward, needed, until)
+                least = max(least, found)
                 if self._proved() or (not part.whole and self._answer is not None and self.best_s <= least + GAIN_S):
                     return
+                if found >= until:
+                    break
+                gates.remove(gate)  # it bounds no further
             until = min(until, self.best_s)
             if least < until:
                 narrow = run_backward(part, self._costs, forward, needed, self._come_by_s(until))
@@ -216,7 +220,10 @@ class GuidedSearch:
         """
         guide = run_backward(part, self._costs, gate.forward, needed, self._come_by_s(until_s))
         small, guide, after = _where_used(part, guide, gate.forward)
-        one = self._round(small, guide, after, needed, until_s, self._stop_at)
+        most = math.inf
+        if not gate.shut:
+            most = self.parameters.gate_labels if part.whole else self.parameters.near_labels
+        one = self._round(small, guide, after, needed, until_s, self._stop_at, most)
         one.run(replace(gate, forward=after).roots(one.stop_labels, guide))
         self.labels_expanded += one.labels_expanded
         if not one.complete:
@@ -229,6 +236,7 @@ class GuidedSearch:
         network, segments = self.problem.network, np.concatenate(walks)
         over = np.searchsorted(part.nodes, np.unique((network.tail[segments], network.head[segments])))
         mask = gate.only_over(over, forward.over.shape)
+        until_s = min(until_s, least + self.parameters.gate_late_s)
         guide = run_backward(part, self._costs, forward, needed, self._come_by_s(until_s), within=mask)
         self._run(
             part, guide, forward, needed, until_s, self._stop_at, self.parameters.gate_labels, least, proves=False

@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from skyway.planner.exact.relaxation_grid_kernels import Cells, least_times, queue_cells
+from skyway.planner.exact.relaxation_grid_kernels import Cells, least_times
 from skyway.planner.exact.relaxation_kernels import Pass, backward_pass, forward_pass, in_time
 
 if TYPE_CHECKING:
@@ -119,7 +119,7 @@ def _pass(
     ratio: int,
 ) -> Pass:
     table = subnetwork.table
-    pad, spot = queue_cells(subnetwork.grounds, cells, table.descent_s, len(subnetwork.nodes))
+    pad, spot = subnetwork.waits(cells)
     return Pass(
         table,
         subnetwork.grounds,

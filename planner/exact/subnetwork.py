@@ -11,6 +11,7 @@ import numpy as np
 from skyway.models.base import geodesy
 from skyway.models.jit.compiled import compiled
 from skyway.models.queues.paths import no_queue, pack
+from skyway.planner.exact.relaxation_grid_kernels import queue_cells
 from skyway.planner.exact.stop_label_kernels import Grounds
 from skyway.planner.problem.flight_table import FlightTable
 from skyway.planner.problem.mean_value import ExpectedQueues
@@ -24,6 +25,7 @@ if TYPE_CHECKING:
 
     from skyway.models.network.network import Network
     from skyway.models.queues.paths import QueuePath
+    from skyway.planner.exact.relaxation_grid_kernels import Cells
     from skyway.planner.exact.stop_label_kernels import Costs
     from skyway.planner.problem.problem import Problem
     from skyway.planner.problem.speeds import Speeds
@@ -51,6 +53,18 @@ class Subnetwork:
     """No drone takes off after this."""
     whole: bool = True
     """It holds all nodes that a delivery may use up to the deadline that it is laid out for: what it lacks proves something."""
+
+    @cached_property
+    def _waits(self) -> dict[Cells, tuple[NDArray[np.float64], NDArray[np.float64]]]:
+        return {}
+
+    def waits(self, cells: Cells) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return when arrivals in each cell get a pad, and a place to land (`planner.exact.relaxation_grid_kernels.queue_cells`)."""
+        known = self._waits
+        if cells not in known:
+            known.clear()  # passes over one grid follow one another
+            known[cells] = queue_cells(self.grounds, cells, self.table.descent_s, len(self.nodes))
+        return known[cells]
 
 
 def places(network: Network) -> NDArray[np.float64]:

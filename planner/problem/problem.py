@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from copy import copy
-from difflib import get_close_matches
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -12,17 +11,19 @@ import numpy as np
 
 from skyway.models.base import geodesy
 from skyway.models.base.errors import Fault, InputError
-from skyway.models.base.units import MPS_PER_KMH, S_PER_H
+from skyway.models.base.units import S_PER_H
 from skyway.models.flight.closures import parts_of_slots
 from skyway.models.flight.energy import FlightPower
 from skyway.models.flight.heights import wind_factors
 from skyway.models.flight.rules import SegmentWind, air_over
 from skyway.models.queues.opening_hours import Closures, closed_path, opening_hours
 from skyway.models.queues.paths import PackedPaths, QueuePath, joined, no_queue, pack
-from skyway.models.queues.sampling import sample_many, sample_sets, sampled_waits
-from skyway.models.queues.waiting_times import STEP_S, TAIL_H, forecast_waits
+from skyway.models.queues.sampling import sample_many, sample_sets
+from skyway.models.queues.waiting_times import TAIL_H
 from skyway.planner.parameters.planner import USUAL
 from skyway.planner.problem.error_model import USUAL_ERRORS
+from skyway.planner.problem.expected_waits import ExpectedWaits
+from skyway.planner.problem.request_checks import check_request
 from skyway.planner.problem.ways_on import return_node, undelivered_node, ways_on
 
 if TYPE_CHECKING:
@@ -40,17 +41,15 @@ if TYPE_CHECKING:
     from skyway.planner.problem.request import Request
 
 HORIZON_H = 48
-"""Hours of wind and queues that are considered; a delivery takes less."""
+"""Horizon of wind and queues, hours from the departure; a delivery takes less."""
 DAY_S = 86_400.0
 NEVER_S = 1e12
-"""Before all times, with a minus."""
+"""A time, s, beyond all others; negated, before all others."""
 MIN_EPSILON = 1e-6
-"""Nobody is surer than that: neither gusts nor the number of arrivals at a station have a greatest value."""
-MIN_KMH = 30.0
-"""An airspeed that no drone flies may be in km/h from here on."""
+"""Least epsilon: neither gusts nor the number of arrivals at a station are bounded."""
 _MANY = 0x51
 IN_FLIGHT = "in-flight"
-"""Id of the node that stands for a drone in the air."""
+"""Id of the node at the position of a drone in the air."""
 
 
 class Problem:
@@ -65,10 +64,10 @@ class Problem:
     must_stop : tuple of int
         Nodes at which the drone must stop, in this order.
     depart_s, soc : float
-        When the delivery starts (POSIX seconds), and with which charge. For a drone in flight both are set back by a
-        climb that it does not need any more.
+        Start of the delivery (POSIX seconds), and charge at the start. For a drone in flight both are corrected for the
+        climb that it no longer needs.
     ensemble, forecast : WindEnsemble
-        The wind that is planned with, and all of it where that is thinned (`thinned`).
+        Forecast used for planning, and the whole forecast if that is thinned (`thinned`).
     in_flight : bool
         The drone cannot wait, hold or charge at the origin.
     air : Air
@@ -78,7 +77,7 @@ class Problem:
     longest_flight_s : float
         On a full battery, keeping the reserve.
     parameters : PlannerParameters
-        Tuned numbers of all planners.
+        Parameters of all planners.
     """
 
     def __init__(
@@ -99,7 +98,7 @@ class Problem:
         self.reserve = request.reserve_soc
         self.epsilon = max(request.epsilon, MIN_EPSILON)
         state = request.state
-        _check_against(scenario, request, drone)
+        check_request(scenario, request, drone)
         self.in_flight = state.position is not None
         self.depart_s = state.time.timestamp()
         self.soc = state.soc
@@ -222,7 +221,7 @@ class Problem:
         return float(np.interp(min(soc_to, 1.0), soc, time) - np.interp(max(soc_from, 0.0), soc, time))
 
     def soc_after(self, node: int, soc: float, charging_s: float) -> float:
-        """Return the charge after so long on a pad."""
+        """Return the charge after a time on a pad."""
         time, level = self.curve(node)
         return float(np.interp(np.interp(soc, level, time) + charging_s, time, level))
 
@@ -264,7 +263,7 @@ class Problem:
 
     @property
     def earliest_s(self) -> float:
-        """Before this the package does not arrive, POSIX seconds; -inf where it may at any time."""
+        """Earliest arrival of the package, POSIX seconds; -inf without a limit."""
         return -math.inf if self.request.not_before is None else self.request.not_before.timestamp()
 
     def no_landing(self, node: int) -> Closures | None:
@@ -280,17 +279,17 @@ class Problem:
         return Closures(closed_s) if len(closed_s) else None
 
     def fastest_s(self, segments: Sequence[int]) -> float:
-        """No flight over segments is shorter, take-off to touch-down."""
+        """Lower bound of the flight time over segments, take-off to touch-down, s."""
         air = self.air
         return air.climb_s + air.descent_s + float(air.distance_m[list(segments)].sum()) / air.max_ground_speed_mps
 
     def charged_at(self, node: int, pad_s: float, lasts_s: float) -> float:
-        """Time at which a drone on a pad of a station has charged for so long; it charges only while the station is open."""
+        """Time at which a drone on a pad of a station has charged for `lasts_s`; it charges only while the station is open."""
         closures = self.closures.get(node)
         return pad_s + lasts_s if closures is None else float(closures.past(np.array(pad_s), np.array(pad_s + lasts_s)))
 
     def charging_s(self, node: int, pad_s: float, until_s: float) -> float:
-        """For how long a drone on a pad of a station is charged until a time."""
+        """Charging time of a drone on a pad of a station until a time, s."""
         closures = self.closures.get(node)
         shut = 0.0 if closures is None else float(closures.within(np.array(pad_s), np.array(until_s)))
         return until_s - pad_s - shut
@@ -301,7 +300,7 @@ class Problem:
 
     @cached_property
     def busy(self) -> dict[int, int]:
-        """Busy pads seen now, by node."""
+        """Busy pads reported at the start, by node."""
         seen = self.request.state.busy_pads
         return {self.network.index[key]: count for key, count in seen.items() if key in self.network.index}
 
@@ -323,7 +322,7 @@ class Problem:
     @cached_property
     def waits(self) -> ExpectedWaits:
         """Expected waits, computed for a station on first use."""
-        return ExpectedWaits(self)
+        return ExpectedWaits(self, HORIZON_H)
 
     def queue_paths(self, nodes: Iterable[int], sample: int, seed: int | None = None) -> dict[int, QueuePath]:
         """One sampled realisation of the other drones at each of some stations; by default of the request's seed."""
@@ -350,10 +349,10 @@ class Problem:
         return [{node: paths[node] for node in wanted} for paths in kept]
 
     def many_queues(self, nodes: Sequence[int], stream: int, count: int, until_s: float = math.inf) -> PackedPaths:
-        """So many sampled realisations of the other drones at each of some places, in order (place, realisation).
+        """Sample `count` realisations of the other drones at each of some places, in order (place, realisation).
 
-        Each stream is others than those of `queue_sets` and of the other streams; requested again, with the same count, it is the same. What
-        comes after `until_s` may be left out.
+        The realisations of a stream differ from those of `queue_sets` and of other streams; a repeated request with the same count gives the same
+        ones. Times after `until_s` may be missing.
         """
         kept = self._many.setdefault((self.request.seed, stream, count), {})
         for node in nodes:
@@ -419,7 +418,7 @@ class Problem:
     def onward_cost(self) -> tuple[float, float]:
         """`soc_per_s` and `soc_fixed` kept for the onward flight: without the package, or with it where it may stay on board.
 
-        What a hover at the target takes is part of it.
+        The charge of a hover at the target is included.
         """
         if self.keeps_for_package:
             return self.soc_per_s, self.soc_fixed + self.hover_soc
@@ -427,12 +426,12 @@ class Problem:
 
     @property
     def keeps_for_package(self) -> bool:
-        """Whether the charge for the flight on is that with the package: a winch may jam, a payload place keep what it was to let go."""
+        """Whether the charge for the onward flight is that with the package: a winch may jam, and a payload place may not release."""
         return self.request.undelivered_to is not None or self.request.in_air
 
     @property
     def hover_soc(self) -> float:
-        """Charge that a hover at the target takes, with the package."""
+        """Charge of a hover at the target, with the package."""
         return self.soc_per_s * self.request.dwell_s if self.request.in_air else 0.0
 
     @property
@@ -441,94 +440,16 @@ class Problem:
         return "where it does not land" if self.request.in_air else "which has no pads"
 
     def thinned(self, members: int) -> Problem:
-        """Return the same problem with at most so many members of the forecast; computed waits stay."""
+        """Return the same problem with a limited number of members of the forecast; computed waits are kept."""
         if len(self.probability) <= members:
             return self
         return self._sharing_queues(self.drone, self.ensemble.thinned(members))
 
     def for_drone(self, drone: Drone) -> Problem:
-        """Return the same request for another drone; computed waits and queues stay."""
+        """Return the same request for another drone; computed waits and queues are kept."""
         return self._sharing_queues(drone, self.ensemble)
 
     def _sharing_queues(self, drone: Drone, ensemble: WindEnsemble) -> Problem:
         other = Problem(self.scenario, self.request, drone, ensemble, parameters=self.parameters, waits=self.waits)
         other.__dict__["_paths"], other.__dict__["_many"], other.forecast = self._paths, self._many, self.forecast
         return other
-
-
-def _check_against(scenario: Scenario, request: Request, drone: Drone) -> None:
-    """Refuse what does not fit the drone or the network."""
-    faults = []
-    speed = request.airspeed_mps
-    if speed is not None and speed > drone.max_airspeed_mps + 1e-9:
-        problem = f"{drone.id} flies {drone.max_airspeed_mps:g} m/s at most"
-        meant = f"did you mean {speed * MPS_PER_KMH:.3g} m/s ({speed:g} km/h)?"
-        fits = speed * MPS_PER_KMH <= drone.max_airspeed_mps and speed >= MIN_KMH
-        remedy = meant if fits else f"up to {drone.max_airspeed_mps:g} m/s"
-        faults.append(Fault(problem, field="airspeed_mps", value=speed, remedy=remedy))
-    for key in request.state.busy_pads:
-        if key not in scenario.network.index:
-            close = get_close_matches(key, scenario.network.index, 1)
-            remedy = f"did you mean {close[0]!r}?" if close else "name stations by their id"
-            faults.append(Fault("no such station", field="state.busy_pads", value=key, remedy=remedy))
-    if faults:
-        raise InputError(faults)
-
-
-def check_apart(problem: Problem) -> None:
-    """Refuse a delivery that ends where it begins."""
-    if problem.origin == problem.destination:
-        value = problem.request.destination
-        raise InputError(Fault("start and destination are the same", field="destination", value=value))
-
-
-class ExpectedWaits:
-    """Expected wait and chance of a free pad at every station over the horizon.
-
-    Rows are filled when first requested (`need`); kernels read the arrays.
-    """
-
-    def __init__(self, problem: Problem) -> None:
-        self._load, self._pads, self._busy = problem.load, problem.network.pads, problem.busy
-        self._free_s = {node: times for node, times in problem.pads_free_s.items() if self._pads[node]}
-        self.start_s = problem.depart_s
-        self.step_s = STEP_S
-        points = round(HORIZON_H * S_PER_H / self.step_s) + 1
-        self.wait_s = np.zeros((len(problem.network), points))
-        self.p_free = np.ones((len(problem.network), points))
-        """Both of shape (nodes, times), linear between grid points. Only rows of nodes passed to `need` are filled."""
-        self.known = np.zeros(len(problem.network), dtype=bool)
-        """Which rows are filled to the end of the horizon, shape (nodes,)."""
-        self._hours = np.zeros(len(problem.network), dtype=np.int64)
-
-    def need(self, nodes: NDArray[np.int64] | list[int], until_s: float = math.inf) -> int:
-        """Fill the rows of some nodes for arrivals until some time; returns for how many points they hold.
-
-        Behind these points a row continues with its last wait.
-        """
-        hours = math.ceil(min(max((until_s - self.start_s) / S_PER_H, 1.0), HORIZON_H))
-        points = round(hours * S_PER_H / self.step_s) + 1
-        wanted = np.unique(np.asarray(nodes, dtype=np.int64))
-        wanted = wanted[self._hours[wanted] < hours]
-        if not len(wanted):
-            return points
-        told = [node for node in wanted.tolist() if node in self._free_s]
-        others = [node for node in wanted.tolist() if node not in self._free_s]
-        found = forecast_waits(self._load, self._pads, others, self.start_s, hours, self._busy)
-        if told:
-            found |= sampled_waits(self._load, self._pads, told, self.start_s, hours, self._busy, self._free_s)
-        for node, forecast in found.items():
-            count = min(self.wait_s.shape[1], len(forecast.wait_s))
-            self.wait_s[node, :count] = forecast.wait_s[:count]
-            self.wait_s[node, count:] = forecast.wait_s[-1]
-            self.p_free[node, :count] = forecast.p_free[:count]
-            self.p_free[node, count:] = forecast.p_free[-1]
-        self.known[wanted], self._hours[wanted] = hours == HORIZON_H, hours
-        return points
-
-    def at(self, node: int, time_s: float) -> tuple[float, float]:
-        """(expected wait, P(pad free)) of an arrival."""
-        self.need([node])
-        x = (time_s - self.start_s) / self.step_s
-        grid = np.arange(self.wait_s.shape[1])
-        return float(np.interp(x, grid, self.wait_s[node])), float(np.interp(x, grid, self.p_free[node]))

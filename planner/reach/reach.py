@@ -21,7 +21,7 @@ from skyway.models.flight.rules import STEP_MPS2, air_between
 from skyway.models.flight.way_heights import level_over_m, straight_ways, way_heights, way_steps
 from skyway.models.wind.triangle import along_across
 from skyway.planner.parameters.planner import USUAL
-from skyway.planner.reach.wind_ahead import slower_s
+from skyway.planner.reach.wind_ahead import drifted_s, slower_s
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -31,7 +31,9 @@ if TYPE_CHECKING:
     from skyway.models.drones.airspeed_load import AirspeedLoad
     from skyway.models.drones.drone import Drone
     from skyway.models.drones.energy_belief import EnergyBelief
+    from skyway.models.flight.rules import SegmentWind
     from skyway.models.scenario.scenario import Scenario
+    from skyway.models.wind.felt_gust import FeltGust
     from skyway.models.wind.forecast import WindEnsemble
     from skyway.planner.parameters.online import OnlineParameters
     from skyway.planner.reach.wind_ahead import WindAhead
@@ -154,12 +156,21 @@ class Reach:
         air = air_between(self.wind, middle, bearing, length_m, self.airspeed_mps, most, factor)
         begin_s = np.full(len(length_m), time_s, dtype=np.float64)
         flight_s = airborne_times(air, begin_s, in_turn)
+        share, gust = np.zeros_like(length_m), self.wind.gust
+        if gust is not None:
+            mean_s = self.expected(flight_s)
+            off_s = begin_s + (np.cumsum(mean_s) - mean_s if in_turn else 0.0)
+            share = factor * gust.share_of(start, length_m, off_s, mean_s)
+            flight_s = airborne_times(_gusty(air, gust, share), begin_s, in_turn)
         doubt = np.zeros_like(flight_s)
         if self.load is None and self.ahead is None:
             return Flown(flight_s, self.soc_per_s * flight_s, doubt)
         half_s = 0.5 * flight_s + (np.cumsum(flight_s, axis=1) - flight_s if in_turn else 0.0)
         north, east = self.winds(*middle, begin_s + half_s)
-        along, across = along_across(factor * north, factor * east, air.cos_bearing, air.sin_bearing)
+        north, east = factor * north, factor * east
+        if gust is not None:
+            north, east = north + share * gust.north_mps, east + share * gust.east_mps
+        along, across = along_across(north, east, air.cos_bearing, air.sin_bearing)
         soc_per_s = np.full_like(flight_s, self.soc_per_s)
         if self.load is not None:  # a drone that must not be faster over the ground flies slower through the air
             speed = np.divide(length_m, flight_s, out=np.full_like(flight_s, most), where=flight_s > 0.0)
@@ -167,9 +178,10 @@ class Reach:
         if self.ahead is not None:
             end_m = np.cumsum(length_m) if in_turn else length_m
             whole_s = flight_s.sum(axis=1, keepdims=True) if in_turn else flight_s
-            speed_mps = np.hypot(factor * north, factor * east)
+            speed_mps = np.hypot(north, east)
             sd_mps = self.ahead.sd_mps(end_m - length_m, end_m, speed_mps, self.expected(whole_s))
-            doubt = soc_per_s * slower_s(length_m, (along, across), self.airspeed_mps, most, sd_mps)
+            given = length_m, (along, across), self.airspeed_mps, most, sd_mps
+            doubt = soc_per_s * np.hypot(slower_s(*given), drifted_s(*given))  # the components are independent
         return Flown(flight_s, soc_per_s * flight_s, doubt)
 
     def to_stations(self, here: Place, time_s: float, nodes: NDArray[np.int64]) -> Flown:
@@ -368,3 +380,13 @@ class Reach:
         index, lat, lon = self.network.index, self.network.lat, self.network.lon
         first = (float(lat[index[origin]]), float(lon[index[origin]])) if isinstance(origin, str) else origin
         return [first, *((float(lat[index[s]]), float(lon[index[s]])) for s in (*via, destination))]
+
+
+def _gusty(air: SegmentWind, gust: FeltGust, share: NDArray[np.float64]) -> SegmentWind:
+    """Return the same with a share of a gust in the wind of each flight, as a site of its own."""
+    one_more = (*air.north.shape[:2], 1)
+    north, east = (
+        np.concatenate((wind, np.full(one_more, more)), axis=2)
+        for wind, more in ((air.north, gust.north_mps), (air.east, gust.east_mps))
+    )
+    return air._replace(north=north, east=east, weight=np.column_stack((air.weight, share)))

@@ -79,5 +79,29 @@ def slower_s(
     """
     along, across = wind
     forward = along + forward_mps(airspeed_mps, across)
-    expected, against = (np.clip(one, LEAST_MPS, max_ground_speed_mps) for one in (forward, forward - SIGMAS * sd_mps))
+    return _longer_s(length_m, (forward, forward - SIGMAS * sd_mps), max_ground_speed_mps)
+
+
+def drifted_s(
+    length_m: NDArray[np.float64],
+    wind: tuple[NDArray[np.float64], NDArray[np.float64]],
+    airspeed_mps: float,
+    max_ground_speed_mps: float,
+    sd_mps: NDArray[np.float64],
+) -> NDArray[np.float64]:
+    """Seconds that they take longer for each standard deviation of the wind across them, shape (members, n).
+
+    That is the more the nearer this wind is to the airspeed: where it is 15 m/s of 20, more than for the wind along.
+    """
+    along, across = wind
+    stronger = np.abs(across) + SIGMAS * sd_mps
+    speeds = along + forward_mps(airspeed_mps, across), along + forward_mps(airspeed_mps, stronger)
+    return _longer_s(length_m, speeds, max_ground_speed_mps)
+
+
+def _longer_s(
+    length_m: NDArray[np.float64], speeds: tuple[NDArray[np.float64], NDArray[np.float64]], max_ground_speed_mps: float
+) -> NDArray[np.float64]:
+    """Return the seconds more of the second of two ground speeds, for each standard deviation between them."""
+    expected, against = (np.clip(one, LEAST_MPS, max_ground_speed_mps) for one in speeds)
     return np.asarray((length_m / against - length_m / expected) / SIGMAS)

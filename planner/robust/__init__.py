@@ -1,1 +1,1 @@
-"""The robust planner: routes ranked in simulated deliveries, charges decided at each stop."""
+"""The robust planner: routes ranked by simulated deliveries, charges decided at each stop."""

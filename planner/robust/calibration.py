@@ -1,13 +1,13 @@
 """Weights of simulated deliveries, calibrated on waits whose mean is known.
 
-What differs between seeds is mostly how long the sampled queues happen to be. The expected wait at every station is known for any time
-of arrival (`models.queues.waiting_times`); so deliveries in queues that are shorter there than on average are given more weight, until the
-waits that they would have, if all of one member came at the same time, are those that are expected. With z(i) these waits of a
-delivery less their mean in its member, D what the means lack, both a vector over the places of the route, and w(i) the weights before:
+The difference between seeds is mostly that of the sampled queues. The expected wait at every station is known for any time
+of arrival (`models.queues.waiting_times`); so deliveries with queues shorter than on average are given more weight, until the
+mean waits, for a common time of arrival of all deliveries of one member, equal the expected ones. With z(i) these waits of a
+delivery less their mean in its member, D the expected less the mean waits, both vectors over the places of the route, and w(i) the weights before:
 
     w(i) (1 + D' S^-1 z(i)),     S = sum of w(i) z(i) z(i)'
 
-which makes of any mean of theirs its regression estimate (Deville and Särndal, "Calibration estimators in survey sampling", Journal of
+so that any weighted mean is its regression estimate (Deville and Särndal, "Calibration estimators in survey sampling", Journal of
 the American Statistical Association 87 (1992)). The members of the forecast keep their weights.
 """
 
@@ -28,13 +28,13 @@ if TYPE_CHECKING:
     from skyway.planner.robust.out_of_sample import SampledTruths
 
 _LEAST, _MOST = 0.2, 5.0
-"""No delivery counts less or more than so many times what it did."""
+"""Least and greatest ratio of a new weight to the former one."""
 _ANY_S = 1.0
-"""A station is calibrated on where its waits differ by so much."""
+"""Least spread of the waits at a station that is calibrated on, s."""
 
 
 class Calibrated(NamedTuple):
-    """Weights, and the waits that they were calibrated on."""
+    """Weights, and the waits of their calibration."""
 
     weight: NDArray[np.float64]
     """Shape (runs,). Their sum is 1."""
@@ -45,7 +45,7 @@ class Calibrated(NamedTuple):
 def calibrated(
     problem: Problem, nodes: Sequence[int], truths: SampledTruths, schedule: NDArray[np.float64]
 ) -> Calibrated:
-    """Calibrate the weights of deliveries over some places, flown in truths with this schedule, shape (runs, legs, 7)."""
+    """Calibrate the weights of deliveries over some places, flown in some realizations with this schedule, shape (runs, legs, 7)."""
     weight = problem.probability[truths.members]
     weight = weight / weight.sum()
     member, runs = truths.members, len(weight)
@@ -78,13 +78,13 @@ def calibrated(
 
 
 def _is_known(problem: Problem, node: int) -> bool:
-    """Whether the expected wait of a station is that of its sampled queues: others are there, its pads never close, and it is unknown when they become free."""
+    """Whether the expected wait of a station is that of its sampled queues: other drones use it, its pads never close, and no report of their state is available."""
     closed = node in problem.closures or (node == problem.awaiting and problem.request.not_before is not None)
     return problem.has_pads(node) and not closed and node not in problem.pads_free_s
 
 
 def _usual(arrival_s: NDArray[np.float64], member: NDArray[np.int64]) -> NDArray[np.float64]:
-    """Median arrival in the member of each run, of those that arrive, shape (runs,); infinite where none does."""
+    """Median arrival in the member of each run, of those that arrive, shape (runs,); infinite if none does."""
     order = np.lexsort((arrival_s, member))
     members, first = np.unique(member[order], return_index=True)
     arrive = np.bincount(member, weights=np.isfinite(arrival_s)).astype(np.int64)[members]

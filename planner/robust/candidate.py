@@ -20,7 +20,7 @@ class Candidate:
     outcome: Outcome
     """Out of sample."""
     unsafe: bool
-    """It breaks the reserve more often than allowed, by more than chance may explain."""
+    """It violates the reserve more often than allowed, beyond sampling error."""
     loss: tuple[float, ...]
     """See `planner.problem.objective.Objective.loss`."""
     out_of_sample: OutOfSample

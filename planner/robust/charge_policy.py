@@ -77,12 +77,12 @@ def known_at(problem: Problem, errors: Errors, *, measured: bool, epsilon: float
 
 
 _AHEAD = 2.0
-"""Queues are sampled for so many times as long as the longest delivery by the same route took before."""
+"""Ratio of the sampled time of queues to the longest previous delivery by the same route."""
 
 
 @dataclass(frozen=True, eq=False)
 class ChargePolicy:
-    """Flights in a fixed order, each charged from the information when it is due."""
+    """Flights in a fixed order, each charged by the information available when it is due."""
 
     problem: Problem
     """With the forecast at the time of planning."""
@@ -91,7 +91,7 @@ class ChargePolicy:
     known: Known
     """The rule."""
     most_full: float = 1.0
-    """A flight starts when the chance to find its station full is at most this."""
+    """A flight starts when the probability that its station is full is at most this."""
     first_s: float = -math.inf
     """The drone waits at its origin until then, POSIX seconds."""
 
@@ -139,11 +139,11 @@ class ChargePolicy:
         if not len(paths):
             raise InputError(Fault("has no queues", field="paths", remedy="a set of one path for each place"))
         check_runs(member, realizations, disturbance, paths, len(self) + 1)
-        told, true = known.air.north.shape[2], truth.air.north.shape[2]
-        if told != true:
+        given, true = known.air.north.shape[2], truth.air.north.shape[2]
+        if given != true:
             remedy = "bring the forecast to the sites of the true wind with at_sites"
             problem = "the forecast is for other sites than those where the wind is measured"
-            raise InputError(Fault(problem, field="sites", value=f"{told} instead of {true}", remedy=remedy))
+            raise InputError(Fault(problem, field="sites", value=f"{given} instead of {true}", remedy=remedy))
         check_shape(
             "share", known.share, (realizations if share is not None else len(known.share), len(known.air.north))
         )
@@ -199,12 +199,12 @@ class ChargePolicy:
             found, schedule, energy_ratio = fly(math.inf)
         members, disturbance = found.members, found.disturbance
         weight, control = calibrated(p, place_nodes(p, self.itinerary), found, schedule)
-        told = OutOfSample(
+        simulated = OutOfSample(
             schedule, weight, members, disturbance.queue, energy_ratio, found.usual_ratio,
             np.ascontiguousarray(disturbance.energy[:, : len(self)]), errors.energy_of(p.drone), tables, control,
         )  # fmt: skip
         if not p.needs_escape:
-            return told
+            return simulated
 
         def fly_way_on(
             leaving: Problem,
@@ -223,7 +223,7 @@ class ChargePolicy:
         onward_soc = np.where(arrives, schedule[:, -1, SOC_LANDING] - taken, np.inf)
         broken = arrives & (onward_soc < p.reserve - 1e-9)
         ratio = np.where(broken, taken / self.way_on_soc, 0.0)
-        return replace(told, energy_ratio=np.column_stack((energy_ratio, ratio)), onward_soc=onward_soc)
+        return replace(simulated, energy_ratio=np.column_stack((energy_ratio, ratio)), onward_soc=onward_soc)
 
     def typical(self, before: OutOfSample) -> Typical:
         """Choose the typical schedule; see `planner.schedule.typical`.

@@ -1,7 +1,7 @@
-"""Free capacity of stations: blocking probabilities, and the required probability of a place before take-off.
+"""Free capacity of stations: blocking probabilities, and the required probability of a free place before take-off.
 
-A drone that finds all pads and holding spots taken hovers on its reserve. The pads and the line of the next station are
-known before a take-off (the pad service tells), so that a flight starts only when the chance to find the station full
+A drone that finds all pads and holding spots taken hovers on its reserve. The pads and the queue of the next station are
+known before a take-off (from the pad service), so that a flight starts only when the probability that the station is full
 at its end is small.
 """
 
@@ -40,20 +40,20 @@ def _rates(problem: Problem, nodes: Sequence[int]) -> tuple[NDArray[np.float64],
 
 
 def room_at(problem: Problem, nodes: Sequence[int], most: float) -> FreeCapacity:
-    """Room at the stations at the end of each leg, to be checked before it; stations without pads always have room."""
+    """Return the free capacity at the stations at the end of each leg, checked before it; stations without pads always have a free place."""
     at = np.asarray(nodes, dtype=np.int64)
     stations = [problem.network.stations[node] for node in at]
     spots = np.array([one.holding_spots if one.pads else 1 for one in stations], dtype=np.int64)
     pads = problem.network.pads[at].astype(np.int64)
     arrivals, services = _rates(problem, nodes)
-    arrivals[pads == 0] = 0.0  # a load of every station is none of theirs
+    arrivals[pads == 0] = 0.0  # a load given for all stations does not apply to those without pads
     return FreeCapacity(pads, spots, _begin_s(problem), arrivals, services, most)
 
 
 def blocking_probabilities(problem: Problem) -> NDArray[np.float64]:
-    """Chance that each station is full after a flight of usual length that begins with one pad free there, shape (nodes,).
+    """Return the probability that each station is full after a flight of usual length that begins with one pad free there, shape (nodes,).
 
-    Of the hours from the earliest arrival on (`RobustParameters.busy_hours`) the busiest counts.
+    The maximum over the hours from the earliest arrival on (`RobustParameters.busy_hours`).
     """
     network, parameters = problem.network, problem.parameters.robust
     origin = network.lat[problem.origin], network.lon[problem.origin]
@@ -69,10 +69,10 @@ def blocking_probabilities(problem: Problem) -> NDArray[np.float64]:
 
 
 def likely_free(problem: Problem, most: float, flight_s: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Return where a drone finds room to land in all but a share of what may come, shape (nodes,).
+    """Return where a drone finds a place to land in all but a share of the cases, shape (nodes,).
 
-    From who is seen at each station now and the time of the flight there, `flight_s`, shape (nodes,); where nobody was
-    seen, from one free pad.
+    From the reported drones at each station and the time of the flight there, `flight_s`, shape (nodes,); without a
+    report, from one free pad.
     """
     arrivals, services = _rates(problem, range(len(problem.network)))
     begin_s = problem.depart_s - _begin_s(problem)
@@ -92,7 +92,7 @@ def no_place_probability(
 ) -> float:
     """Probability that an arriving drone finds no place to land within its hover time, given how many others are present now.
 
-    Who comes before it is in its way, who comes later is not; who leaves until then makes room. Times are POSIX seconds.
+    Arrivals before it occupy places, later ones do not; departures until then free places. Times are POSIX seconds.
     """
     station, load = scenario.network.stations[node], scenario.load
     lands_s = max(lands_s, now_s)
@@ -111,9 +111,9 @@ def turned_for_room_probability(
     hover_s: float,
     most: float,
 ) -> float:
-    """Chance that a flight to a station is turned halfway, because by then it may find no place with a greater probability than `most`.
+    """Return the probability that a flight to a station is turned halfway, because by then the probability of no place exceeds `most`.
 
-    From how many others are at the station now; it takes off later. Otherwise as `no_place_probability`.
+    From the number of others at the station now; it takes off later. Otherwise as `no_place_probability`.
     """
     station, load = scenario.network.stations[node], scenario.load
     half_s = 0.5 * (leaves_s + lands_s)
@@ -132,7 +132,7 @@ def turned_for_room_probability(
 
 
 def _come_and_gone(load: PadLoad, node: int, begin_s: float, end_s: float) -> tuple[float, float]:
-    """Expected numbers of drones that come to a station from one time to another, POSIX seconds, and that leave one busy pad of it."""
+    """Return the expected numbers of arrivals at a station between two times, POSIX seconds, and of departures from one busy pad of it."""
     hour_s = begin_s - begin_s % S_PER_H
     arrivals, charging = load.hourly(node, begin_s, int((end_s - hour_s) // S_PER_H) + 1)
     return expected(arrivals, begin_s - hour_s, end_s - hour_s), expected(
@@ -146,9 +146,9 @@ def _services(charging_s: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def blocking_probability_after(problem: Problem, after_s: float, *, behind: int) -> float:
-    """Chance that the origin is full for a drone that leaves it and is back after a time.
+    """Return the probability that the origin is full for a drone that leaves it and returns after a time.
 
-    From who is seen there before the drone now, and `behind` it in the line.
+    From the numbers of drones now before it, and `behind` it in the queue.
     """
     one = problem.network.stations[problem.origin]
     (arrivals,), (services,) = _rates(problem, [problem.origin])

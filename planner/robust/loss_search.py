@@ -1,10 +1,10 @@
-"""Routes that are good for an objective beside time: label setting over stops on average-value problem.
+"""Routes for an objective beside time: label setting over stops in the mean-value problem.
 
 A label is a landing: station, time, charge, and the loss so far, a weighted sum of time, energy and cost. From it the
-drone flies to any station in reach on the way that takes least time in the wind of then, charged as a `ChargePolicy` charges: enough for
-the flight with its margin, or full. A label is dropped where another at the same station is no later, has no less charge and
-has lost no more; where prices change with the hour, one of the same hour; where stations close, one that has been at the same of these, for
-how sure they are to be open when the drone comes, the mean-value problem does not tell. Routes come in the order of their loss.
+drone flies to any station in reach on the fastest way in the wind of that time, charged as by a `ChargePolicy`: enough for
+the flight with its margin, or full. A label is dominated if another at the same station is no later, has no less charge and
+no more loss; if prices change with the hour, one of the same hour; if stations close, one with the same of these visited, since
+the mean-value problem has no probability that they are open on arrival. Routes come in the order of their loss.
 
 Flights are in the wind of the slot in which they begin. That, and that an earlier drone could wait for another wind, is ignored:
 the routes are only candidates, which are judged by simulation (`planner.robust.robust`).
@@ -39,7 +39,7 @@ if TYPE_CHECKING:
     Floats = NDArray[np.float64]
 
 STEP_S = 1800.0
-"""Winds are looked at no more often than that."""
+"""Interval of the winds that are evaluated, s."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -51,10 +51,10 @@ class Landing:
     soc: float
     loss: float
     stage: int
-    """How many of the stops that are requested are behind it."""
+    """Number of required stops already visited."""
     before: Landing | None
     slot: int
-    """In whose wind it was flown to."""
+    """Slot of the wind in which it was reached."""
 
 
 class LossSearch:
@@ -69,15 +69,15 @@ class LossSearch:
     speeds : Speeds
         Ground speeds.
     margin : float
-        A flight is charged for as if it took so much more than it does.
+        Margin of the charge for a flight, as a share of its energy.
     allowed : ndarray of bool, shape (nodes,)
         Where the drone may land on its way, if there are pads.
     weights : Weights
-        What is to be small.
+        Weights of the objective.
     most_labels : int
-        It ends after so many labels.
+        Maximum number of labels.
     late_s : float
-        The drone is taken to come so much later to each station as it closes: one that is reached shortly before it closes often is not.
+        Delay of the drone against closing times, s: a station that is reached shortly before it closes often is not.
     """
 
     def __init__(
@@ -115,7 +115,7 @@ class LossSearch:
         self._least = self._least_left_s()
 
     def routes(self, count: int) -> Iterator[Itinerary]:
-        """Yield at most so many routes, in order of increasing loss."""
+        """Yield at most this number of routes, in order of increasing loss."""
         p = self.problem
         begin = Landing(p.origin, p.depart_s, p.soc, 0.0, 0, None, 0)
         heap: list[tuple[float, int, Landing]] = [(0.0, 0, begin)]
@@ -144,7 +144,7 @@ class LossSearch:
                 heapq.heappush(heap, (bound, pushed, after))
 
     def _passed(self, label: Landing) -> frozenset[int]:
-        """Stations that close, of those on the way: labels with others of them are not compared."""
+        """Stations with closing times among those visited: labels with different ones are not compared."""
         found = set()
         before = label.before
         while before is not None:
@@ -154,7 +154,7 @@ class LossSearch:
         return frozenset(found)
 
     def _onward(self, label: Landing) -> Iterator[Landing]:
-        """Yield all flights that may follow."""
+        """Yield all possible next flights."""
         p, node = self.problem, label.node
         waits = p.in_flight and label.before is None
         full = p.request.recharge == "full" and label.before is not None
@@ -169,7 +169,7 @@ class LossSearch:
             yield from self._flights(label, pad_s + half, pad_s)
 
     def _flights(self, label: Landing, wind_s: float, pad_s: float | None) -> Iterator[Landing]:
-        """Yield flights in the wind of a time: at once, or charged for from a pad at `pad_s`."""
+        """Yield flights in the wind of a time: without charging, or charged from a pad at `pad_s`."""
         p, node, weights = self.problem, label.node, self.weights
         slot = self._slot(wind_s)
         waits = p.in_flight and label.before is None
@@ -224,12 +224,12 @@ class LossSearch:
         return drone.wear_per_flight_h * flight_s / S_PER_H + drone.wear_per_cycle * soc
 
     def _stage(self, label: Landing, target: int) -> int:
-        """How many of the stops that are requested are behind a landing at a station; -1 where it may not land there yet."""
-        asked = self.problem.must_stop
-        if label.stage < len(asked) and target == asked[label.stage]:
+        """Number of required stops visited up to a landing at a station; -1 if it may not land there yet."""
+        required = self.problem.must_stop
+        if label.stage < len(required) and target == required[label.stage]:
             return label.stage + 1
-        early = target == self.problem.destination and label.stage < len(asked)
-        return -1 if early or target in asked else label.stage
+        early = target == self.problem.destination and label.stage < len(required)
+        return -1 if early or target in required else label.stage
 
     def _escape_soc(self) -> Floats:
         """Charge for the way on from the destination, where it has no pads, for each target; 0 elsewhere."""

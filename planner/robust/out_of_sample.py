@@ -1,7 +1,7 @@
-"""Out-of-sample simulation: each member of the forecast is flown as the truth by a drone whose forecast lacks it.
+"""Out-of-sample simulation: each member of the forecast is the true wind of a drone whose forecast excludes it.
 
-Its neighbours are lacking, too; queues, gusts and errors of energy are sampled. The realizations are the same for all routes
-of one request, and the promises of the chosen one are counted in others than it was chosen in.
+Its neighbours are excluded, too; queues, gusts and errors of energy are sampled. The realizations are the same for all routes
+of one request, and the promises of the chosen one are computed in realizations other than those of the choice.
 """
 
 from __future__ import annotations
@@ -37,18 +37,20 @@ if TYPE_CHECKING:
     from skyway.planner.schedule.typical import Typical
 
 CHOOSING, PROMISING = range(2)
-"""Sets of realizations: one to compare routes in, and one to count the promises of the chosen route in; others with each number of runs."""
+"""Sets of realizations: one to compare routes, and one to compute the promises of the chosen route; different ones
+for each number of runs."""
 _GUSTS = 0x47
 _NEARLY_NONE = 0.05
 MARGIN_STEP = 2e-4
-"""Margins are told apart to so much."""
+"""Resolution of calibrated margins."""
 LEAST_SHARE = 1e-4
-"""Of rarer deliveries no simulation tells: only the tail of what is assumed of energies does, which the rule of charging counts on itself."""
+"""Least share for which a margin is calibrated by simulation; below it the charging rule relies on the assumed tail
+of the energy distribution."""
 _FIRST_MARGIN, _MOST_MARGIN = 0.05, 4.0
 
 
 def left_out(ensemble: WindEnsemble, apart_days: int = 2) -> NDArray[np.float64]:
-    """Forecast for each member as the truth, shape (members, members): the others that are not its neighbours."""
+    """Return the forecast for each member as the truth, shape (members, members): the others that are not its neighbours."""
     labels = ensemble.labels
     try:
         days = np.array([date.fromisoformat(label).toordinal() for label in labels])
@@ -65,13 +67,13 @@ class SampledTruths(NamedTuple):
     """Realizations in which routes are tried."""
 
     members: NDArray[np.int64]
-    """Shape (runs,). Member of the forecast that is the truth of each."""
+    """Shape (runs,). Member of the forecast that is the true wind of each run."""
     disturbance: Disturbance
-    """Its queues, its energy and its gusts."""
+    """Its queues, energy and gusts."""
     paths: PackedPaths
     """Sampled queues at each of `planner.schedule.itinerary.place_nodes`, in order (place, set)."""
     usual_ratio: NDArray[np.float64]
-    """Shape (runs,). What persists over the legs of each vehicle's energy as a multiple of the model's."""
+    """Shape (runs,). Persistent part of each vehicle's energy ratio to the model over the legs."""
 
 
 def simulated_realizations(
@@ -85,7 +87,7 @@ def simulated_realizations(
 ) -> SampledTruths:
     """Realizations in which routes are tried, the same for all of one request; see `ChargePolicy.simulate`.
 
-    Queues may be known until some time only. Each has gusts of its own, and few share their queues (`RobustParameters.runs_per_queues`). Vehicles are drawn evenly, in each member and over all (`drawn_evenly`).
+    Queues may be known until some time only. Each realization has its own gusts, and few share their queues (`RobustParameters.runs_per_queues`). Vehicles are drawn evenly, in each member and over all (`drawn_evenly`).
     """
     count = len(problem.probability)
     chosen = evenly(count, count if max_realizations is None else max_realizations)
@@ -93,13 +95,13 @@ def simulated_realizations(
     members = np.repeat(chosen, each)
     rng = np.random.default_rng((problem.request.seed, _GUSTS, sample_set))
     key = rng.integers(0, 2**64, len(members), dtype=np.uint64)
-    flights = len(itinerary) + problem.needs_escape  # the way on is one more
+    flights = len(itinerary) + problem.needs_escape  # the way on is one more leg
     belief = errors.energy_of(problem.drone)
     shares = [drawn_evenly(rng, len(chosen), each) for _ in range(1 + flights)]
     usual, ratio = belief.ratios(np.column_stack(shares))
     sets = -(-len(members) // problem.parameters.robust.runs_per_queues)
     paths = problem.many_queues(place_nodes(problem, itinerary), sample_set, sets, until_s)
-    queue = np.arange(len(members)) % sets  # those that share one are of different members
+    queue = np.arange(len(members)) % sets  # runs that share one are of different members
     disturbance = Disturbance(queue, ratio, key, errors.gust_sd, errors.gust_time_s)
     return SampledTruths(members, disturbance, paths, usual)
 
@@ -114,7 +116,7 @@ def realization_of(problem: Problem, itinerary: Itinerary, typical: Typical, run
 
 
 def simulate_fixed(problem: Problem, itinerary: Itinerary, errors: Errors, runs: int) -> Runs:
-    """Fly an unchanged itinerary in the realizations in which the promises of a `ChargePolicy` are counted."""
+    """Fly a fixed itinerary in the realizations in which the promises of a `ChargePolicy` are computed."""
     found = simulated_realizations(problem, itinerary, errors, runs, sample_set=PROMISING)
     schedule = fly_as_it_stands(problem, itinerary, found.members, found.disturbance, found.paths)
     weight = problem.probability[found.members]
@@ -122,7 +124,7 @@ def simulate_fixed(problem: Problem, itinerary: Itinerary, errors: Errors, runs:
 
 
 def typical_fixed(problem: Problem, itinerary: Itinerary, runs: Runs) -> Typical:
-    """Choose the typical schedule of an unchanged itinerary; see `planner.schedule.typical`."""
+    """Choose the typical schedule of a fixed itinerary; see `planner.schedule.typical`."""
     paths = problem.many_queues(place_nodes(problem, itinerary), PROMISING, runs.sets)
 
     def fly(members: NDArray[np.int64], queues: NDArray[np.int64]) -> NDArray[np.float64]:
@@ -136,45 +138,45 @@ class OutOfSample(Runs):
     """A policy flown out of sample, each member the truth of some runs."""
 
     energy_ratio: NDArray[np.float64]
-    """Shape (runs, legs), or one more where the way on is one. Energy of each flight as a share of what it was charged for; that of the
-    way on 0 where it keeps the reserve."""
+    """Shape (runs, legs), or one more with a way on. Energy of each flight as a share of the charge for it; that of the
+    way on is 0 if it keeps the reserve."""
     usual_ratio: NDArray[np.float64]
     """See `SampledTruths`."""
     energy: NDArray[np.float64]
-    """Shape (runs, legs). Energy of each leg as a multiple of the model's."""
+    """Shape (runs, legs). Energy of each leg as a ratio to the model."""
     belief: EnergyBelief
-    """What that was drawn from."""
+    """Its distribution."""
     tables: NDArray[np.float64]
     """See `planner.robust.required_soc_kernels.required_soc_tables`."""
     control: NDArray[np.float64]
     """See `planner.robust.calibration.Calibrated.waits_s`."""
     onward_soc: NDArray[np.float64] | None = None
-    """Shape (runs,). Charge on landing after the way on from a target without pads; None where none is needed."""
+    """Shape (runs,). Charge on landing after the way on from a target without pads; None if none is needed."""
 
     @property
     def arrival_s(self) -> NDArray[np.float64]:
-        """Arrival of each run, POSIX seconds, infinite where there is none."""
+        """Return the arrival of each run, POSIX seconds, infinite if there is none."""
         return self.schedule[:, -1, TOUCH_DOWN]
 
     @property
     def waits_for_room(self) -> bool:
-        """Whether room at the next station holds any run that never leaves; most of them are held by their charge alone."""
+        """Whether runs that never leave wait for a place at the next station; most of them lack only charge."""
         held_s = self.schedule[:, :, ROOM][np.isinf(self.schedule[:, :, TAKE_OFF])]
         return bool((np.isfinite(held_s) & (held_s > 0.0)).any())
 
     @property
     def held_before_last(self) -> float:
-        """For how long nearly all deliveries are held before the last flight, s: until it may end."""
+        """Wait of nearly all deliveries before the last flight, s, so that it can end."""
         arrives = np.isfinite(self.schedule[:, -1, TOUCH_DOWN])
         if not arrives.any():
             return 0.0
         return weighted_quantile(self.schedule[arrives, -1, ROOM], self.weight[arrives], _NEARLY_NONE)
 
     def p_broken(self, margin: float) -> float:
-        """Share of the deliveries in which a flight takes more energy than is charged for with a margin.
+        """Return the share of the deliveries in which a flight takes more energy than is charged for with a margin.
 
-        The chance of each delivery, over what is fresh on each leg (`EnergyBelief`) given all else that happened in it: how windy it
-        was, and what persists of its vehicle. To count those that did break it would be as good as a draw where one of a thousand does.
+        The conditional probability of each delivery, over the part of the energy that is new on each leg (`EnergyBelief`), given the wind
+        and the persistent part of its vehicle. A count of violations would have a large sampling error at one of a thousand.
         """
         legs = self.energy.shape[1]
         took = self.energy_ratio[:, :legs]
@@ -186,14 +188,14 @@ class OutOfSample(Runs):
 
     @property
     def charging(self) -> NDArray[np.float64]:
-        """Share of the runs that charge at the stop before each flight, shape (legs,); the first one counts always."""
+        """Return the share of the runs that charge at the stop before each flight, shape (legs,); the first one always counts."""
         charged = np.ones(self.schedule.shape[:2], dtype=bool)
         charged[:, 1:] = self.schedule[:, 1:, SOC_TAKE_OFF] > self.schedule[:, :-1, SOC_LANDING] + 1e-9
         return np.asarray(self.weight @ charged)
 
     @property
     def charge_used(self) -> float:
-        """Mean charge that the flights of a run take together, as SoC."""
+        """Return the mean total charge of the flights of a run, as SoC."""
         flown = np.isfinite(self.schedule[:, :, TOUCH_DOWN])
         used = np.where(flown, self.schedule[:, :, SOC_TAKE_OFF], 0.0) - np.where(
             flown, self.schedule[:, :, SOC_LANDING], 0.0
@@ -201,7 +203,7 @@ class OutOfSample(Runs):
         return float(self.weight @ used.sum(axis=1))
 
     def outcome(self, problem: Problem, itinerary: Itinerary | None = None) -> Outcome:
-        """Sum the runs up; what they spend, too, given the itinerary."""
+        """Return the outcome over the runs; with energy and cost, given the itinerary."""
         return outcome(
             problem,
             self.schedule,
@@ -214,7 +216,7 @@ class OutOfSample(Runs):
 
 
 def margin_for(simulations: Sequence[OutOfSample], epsilon: float) -> float:
-    """Least margin with which at most a share epsilon of simulated deliveries would break the reserve, to `MARGIN_STEP`; 0 where none is needed.
+    """Return the least margin with which at most a share epsilon of simulated deliveries would violate the reserve, to `MARGIN_STEP`; 0 if none is needed.
 
     See `OutOfSample.p_broken`; of several simulations all deliveries count. No share below `LEAST_SHARE` is calibrated for.
     """

@@ -2,10 +2,10 @@
 
 Routes are composed by the exact planner in problems that represent the forecast (`planner.problem.mean_value`): that of the mean
 flight time at several margins, and some of its members with sampled queues. Each route is flown with charges decided at
-each stop (`planner.robust.charge_policy`), every member being the truth once for a drone whose forecast lacks it. The best by
+each stop (`planner.robust.charge_policy`), every member being the truth once for a drone whose forecast excludes it. The best by
 the objective among those that keep the reserve is the answer; its margin is calibrated in the same way, among other queues
-and gusts than those it was chosen in, and what is promised of it is what was counted there. Stations that may be full to
-the last holding spot are omitted where another way exists: a drone that hovers lives on its reserve.
+and gusts than those of the choice, and its promises are computed there. Stations that may be full to
+the last holding spot are omitted if another way exists: a hovering drone uses its reserve.
 """
 
 from __future__ import annotations
@@ -54,19 +54,20 @@ class RobustAnswer:
     policy: ChargePolicy
     """Its itinerary names the charges of the typical schedule."""
     typical: Typical
-    """The typical schedule and the realization that it is flown in."""
+    """The typical schedule and its realization."""
     out_of_sample: OutOfSample
     """Runs behind the outcome."""
     outcome: Outcome
-    """Out of sample."""
+    """Results out of sample."""
     candidates: tuple[Candidate, ...]
-    """All that were compared, best first."""
+    """All compared routes, best first."""
 
 
 COMPOSED_IN = 0
-"""Seed of the queues in which routes are composed, whatever that of the request: what a seed is to change is the deliveries they are judged by."""
+"""Seed of the queues in which routes are composed, independent of that of the request, which changes only the
+deliveries used for evaluation."""
 MIN_HOLD_S = 60.0
-"""A shorter wait is not moved to another station."""
+"""A shorter wait is not moved to another station, s."""
 
 
 class RobustSearch:
@@ -77,9 +78,9 @@ class RobustSearch:
     problem : Problem
         With the forecast.
     errors : Errors, optional
-        What the truth has beyond the forecast; by default what the problem says of it.
+        Errors of the truth beyond the forecast; by default those of the problem.
     end_at : float
-        From this time of `time.perf_counter` on, routes are looked for only until there is one; `complete` is False then.
+        Time of `time.perf_counter` from which the search ends with the first route; `complete` is then False.
     """
 
     def __init__(
@@ -93,9 +94,9 @@ class RobustSearch:
         self.problem = problem.thinned(self.parameters.members)
         self.errors = self.problem.usual_errors if errors is None else errors
         self.labels_expanded = 0
-        """Stays looked at by the exact searches and simulated deliveries."""
+        """Labels expanded by the exact searches, and simulated deliveries."""
         self.complete = True
-        """Whether all was compared that there was to be compared."""
+        """Whether the comparison is complete."""
         self._end_at = end_at
         self._large = len(problem.network) > self.parameters.large_network
         self._composed: dict[tuple[object, ...], Itinerary | None] = {}
@@ -106,17 +107,17 @@ class RobustSearch:
         candidates = self._with_other_waits(self._with_short_flights(self.finalists(self.candidates())))
         try:
             return self._first_to_finish(candidates)
-        except NoRouteError:  # shorter flights may
+        except NoRouteError:  # shorter flights may arrive
             return self._first_to_finish([*sorted(self._of_short_flights(), key=Candidate.order), *candidates])
 
     def _of_short_flights(self) -> list[Candidate]:
-        """Routes of flights so short that hardly any wind makes them too long for the battery, over any station."""
+        """Return routes of flights so short that hardly any wind makes them too long for the battery, over any station."""
         found: dict[tuple[tuple[int, ...], ...], Candidate] = {}
         self._add_composed(found, self._short_margin, np.ones(len(self.problem.network), dtype=bool))
         return _flying(found)
 
     def _with_short_flights(self, candidates: list[Candidate]) -> list[Candidate]:
-        """Try short flights where the best route waits long after all: the winds that routes are compared in first may lack the storms."""
+        """Try short flights if the best route has a long wait in some winds: the winds of the first comparison may not contain storms."""
         best = candidates[0]
         if len(best.out_of_sample.weight) <= 2 * self.parameters.screen_runs and not self._late():
             best = self._judged(best.policy.itinerary, self.parameters.finalist_runs, None, best)[0]
@@ -132,15 +133,15 @@ class RobustSearch:
         return self._ranked([best, *again, *candidates[1:]])
 
     def _waits_long(self, outcome: Outcome, runs: int) -> bool:
-        """Whether a route waits so long in some winds that one of short flights is worth a try."""
+        """Whether a route waits so long in some winds that one of short flights is worth a comparison."""
         begin = self.problem.depart_s
         seldom = outcome.mean_s - begin <= self.parameters.long_wait * (outcome.quantile_s(0.5) - begin)
-        # A forecast of the day may be of a storm in all of its members: then half of the deliveries wait long, too.
+        # A forecast of the day may have a storm in all of its members: then half of the deliveries wait long, too.
         long = not seldom or math.isfinite(self.problem.ensemble.known_until_s)
         return long or outcome.p_arrive <= 1.0 - self.parameters.chance_runs / runs
 
     def _with_other_waits(self, candidates: list[Candidate]) -> list[Candidate]:
-        """Where the package is not to arrive early, let the best routes wait at the origin, too, instead of at the last stop."""
+        """If the objective is not early delivery, also let the best routes wait at the origin instead of at the last stop."""
         p = self.problem
         if not math.isfinite(p.earliest_s):
             return candidates
@@ -157,7 +158,7 @@ class RobustSearch:
         return self._ranked(found)
 
     def _first_to_finish(self, candidates: list[Candidate]) -> RobustAnswer:
-        """Finish the first that can be: looked at closely, the drone may never leave, or run empty."""
+        """Finish the first candidate that can be: in the final evaluation, the drone may never leave, or its battery become empty."""
         for number in range(len(candidates)):
             try:
                 return self.finish([candidates[number], *candidates[:number], *candidates[number + 1 :]])
@@ -167,7 +168,7 @@ class RobustSearch:
         raise AssertionError
 
     def finalists(self, candidates: list[Candidate]) -> list[Candidate]:
-        """Order candidates again after more runs of the first few, and of those that beat them but for the reserve."""
+        """Order candidates again after more runs of the first few, and of those that are better except for the reserve."""
         if len(candidates) == 1 or self._large or self._late():
             return candidates
         first, others = candidates[: self.parameters.finalists], candidates[self.parameters.finalists :]
@@ -175,18 +176,18 @@ class RobustSearch:
         again = [
             self._judged(one.policy.itinerary, self.parameters.finalist_runs, None, one)[0] for one in first + bold
         ]
-        # What is to be compared is how they are flown: with a margin. It is much alike for all of them, and that of one would be by chance.
+        # Candidates are compared as flown: with a margin. It is similar for all of them; an individual one would have a sampling error.
         margin = margin_for([one.out_of_sample for one in again], self.problem.epsilon)
         return self._ranked([self._careful(one, margin) for one in again]) + [one for one in others if one not in bold]
 
     def _late(self) -> bool:
-        """Whether to be content with what was found."""
+        """Whether the time limit is reached."""
         late = time.perf_counter() >= self._end_at
         self.complete = self.complete and not late
         return late
 
     def _careful(self, one: Candidate, margin: float) -> Candidate:
-        """Let one charge with a margin; one that breaks the reserve with what it needs itself."""
+        """Return a candidate with a margin on its charges; one that violates the reserve, with its own margin."""
         if one.unsafe:
             margin = max(margin, margin_for([one.out_of_sample], self.problem.epsilon))
         if margin <= one.policy.known.margin + self.parameters.margin_tolerance:
@@ -196,9 +197,9 @@ class RobustSearch:
         return self._candidate(policy, out_of_sample)
 
     def finish(self, candidates: list[Candidate]) -> RobustAnswer:
-        """Calibrate the first of the candidates and tell what becomes of it.
+        """Calibrate the first of the candidates and return its answer.
 
-        A `NoRouteError` says that, calibrated, it never arrives, or that its typical schedule runs out of charge.
+        A `NoRouteError`: calibrated, it never arrives, or its typical schedule runs out of charge.
         """
         policy = candidates[0].policy
         runs = self.parameters.hurried_runs if self._late() else self.parameters.final_runs
@@ -224,7 +225,7 @@ class RobustSearch:
         return RobustAnswer(policy.with_charges(typical.schedule), typical, out_of_sample, outcome, tuple(candidates))
 
     def _leaving(self, policy: ChargePolicy, out_of_sample: OutOfSample, runs: int) -> tuple[ChargePolicy, OutOfSample]:
-        """Go to stations that are likelier to be full where some runs never leave for want of room, and the reserve is kept."""
+        """Permit stations with a higher blocking probability if some runs never leave for lack of a place, and the reserve is kept."""
         for most_full in self.parameters.fuller:
             if not out_of_sample.waits_for_room or most_full <= policy.most_full:
                 continue
@@ -236,10 +237,10 @@ class RobustSearch:
         return policy, out_of_sample
 
     def candidates(self, *, without: int | None = None, quick: bool = False) -> list[Candidate]:
-        """Routes of all composed problems, each once, best first.
+        """Return routes of all composed problems, each once, best first.
 
-        No route may stop at the node `without`. A `quick` search is content with the first world that has a route. A
-        `NoRouteError` says that there is none even without margin, or none that the forecast lets fly to its end.
+        No route may stop at the node `without`. A `quick` search ends with the first problem that has a route. A
+        `NoRouteError`: there is none even without margin, or none that can be flown to its end in the forecast.
         """
         p = self.problem
         likely_free_at = blocking_probabilities(p) <= self.parameters.full_share * p.epsilon
@@ -276,7 +277,7 @@ class RobustSearch:
         return [candidates[number] for number in ranked]
 
     def _sparing(self, allowed: NDArray[np.bool_], *, quick: bool) -> Iterator[Itinerary]:
-        """Routes that spare what the objective counts beside time, and early ones where stations close while drones charge; else none."""
+        """Return routes that save what the objective counts beside time, and early ones if stations close while drones charge; else none."""
         p = self.problem
         early = (Weights(per_h=1.0),) if p.closures else ()
         late = (0.0, self.parameters.closing_late_s) if p.closures and not quick else (0.0,)
@@ -294,7 +295,7 @@ class RobustSearch:
     def _add_short_flights(
         self, found: dict[tuple[tuple[int, ...], ...], Candidate], allowed: NDArray[np.bool_]
     ) -> None:
-        """Add, where the best route waits long, one of flights so short that hardly any wind makes them too long for the battery."""
+        """Add, if the best route waits long, one of flights so short that hardly any wind makes them too long for the battery."""
         best = min(found.values(), key=Candidate.order).outcome
         if self._waits_long(best, self.parameters.screen_runs):
             self._add_composed(found, self._short_margin, allowed)
@@ -302,7 +303,7 @@ class RobustSearch:
     def _add_composed(
         self, found: dict[tuple[tuple[int, ...], ...], Candidate], margin: float, allowed: NDArray[np.bool_]
     ) -> None:
-        """Add the best route on average with a margin, on large networks the best in a few labels."""
+        """Add the best route of the mean-value problem with a margin, on large networks the best within a few labels."""
         speeds, queues = self._mean_value
         labels = self.parameters.short_leg_labels if self._large else math.inf
         itinerary = self._compose(speeds, queues, margin, allowed, most_labels=labels)
@@ -310,7 +311,7 @@ class RobustSearch:
             self._add(found, itinerary)
 
     def _add(self, found: dict[tuple[tuple[int, ...], ...], Candidate], itinerary: Itinerary) -> None:
-        """Judge a route, and the same without the stops at which it does not charge, unless they are known."""
+        """Evaluate a route, and the same without the stops at which it does not charge, unless they are known."""
         while True:
             flights = tuple(leg.segments for leg in itinerary)
             if flights in found:
@@ -318,23 +319,23 @@ class RobustSearch:
             found[flights], charges = self._judged(
                 itinerary, self.parameters.screen_runs, self.parameters.screen_members
             )
-            if found[flights].outcome.p_arrive <= 0.0:  # it does not charge where it never comes
+            if found[flights].outcome.p_arrive <= 0.0:  # it does not charge at a stop that it never reaches
                 return
             itinerary = self._without_idle_stops(itinerary, charges)
 
     def _without_idle_stops(self, itinerary: Itinerary, charges: NDArray[np.float64]) -> Itinerary:
-        """Overfly the stops at which hardly any run charges, unless they were requested."""
+        """Remove the stops at which hardly any run charges, unless they are required."""
         legs = [itinerary[0]]
         for leg, share in zip(itinerary[1:], charges[1:], strict=True):
-            asked = self.problem.network.tail[leg.segments[0]] in self.problem.must_stop
-            if share < self.parameters.idle_share and not asked:
+            required = self.problem.network.tail[leg.segments[0]] in self.problem.must_stop
+            if share < self.parameters.idle_share and not required:
                 legs[-1] = replace(legs[-1], segments=(*legs[-1].segments, *leg.segments))
             else:
                 legs.append(leg)
         return tuple(legs)
 
     def _routes(self, allowed: NDArray[np.bool_], members: int) -> Iterator[Itinerary]:
-        """Compose on average-value problem at several margins, and in so many of members with a sampled queue."""
+        """Compose in the mean-value problem at several margins, and in a number of members with a sampled queue."""
         p = self.problem
         speeds, queues = self._mean_value
         margins = self._margins[:1] if self._large else self._margins
@@ -344,7 +345,7 @@ class RobustSearch:
             if itinerary is not None:
                 found += 1
                 yield itinerary
-        if not found:  # without any margin there may be one; and if so, perhaps with more than none
+        if not found:  # there may be a route without any margin; and if so, perhaps with more than none
             bare = self._compose(speeds, queues, 0.0, allowed)
             if bare is None:
                 return
@@ -360,9 +361,9 @@ class RobustSearch:
 
     @cached_property
     def _margins(self) -> tuple[float, ...]:
-        """Margins of each flight's energy that routes are composed with: for the wind, and for what is believed of the energy.
+        """Margins of each flight's energy with which routes are composed: for the wind, and for the energy belief.
 
-        The first one is as before the first leg, the others as after it.
+        The first one is that before the first leg, the others those after it.
         """
         begin, *others = self.parameters.margins
         first = self.errors.energy_of(self.problem.drone)
@@ -377,7 +378,7 @@ class RobustSearch:
 
     @cached_property
     def _mean_value(self) -> tuple[MeanSpeeds, Mapping[int, QueuePath]]:
-        """Speeds and queues that stand for the forecast."""
+        """Speeds and queues of the mean-value problem."""
         return self._speeds(self.problem.probability), self._expected_queues
 
     @cached_property
@@ -403,12 +404,12 @@ class RobustSearch:
         *,
         most_labels: float = math.inf,
     ) -> Itinerary | None:
-        """Compose the best route, or the best in so many labels; without that, on large networks the first one that is found.
+        """Compose the best route, or the best within a number of labels; without one, on large networks the first one found.
 
-        That one keeps to labels with much to spare; the best has less to spare for winds other than the mean. What was
-        composed once is kept: a quick search is followed by a whole one.
+        The first one keeps to labels with spare charge; the best has less for winds other than the mean. A composed
+        route is stored: a quick search is followed by a whole one.
         """
-        key = speeds, margin, allowed.tobytes(), most_labels  # other queues come with other speeds
+        key = speeds, margin, allowed.tobytes(), most_labels  # other queues belong to other speeds
         if key not in self._composed:
             self._composed[key] = self._compose_now(speeds, queues, margin, allowed, most_labels)
         return self._composed[key]
@@ -438,13 +439,13 @@ class RobustSearch:
         return compose_through(self.problem, queues, find) if self.problem.must_stop else find(self.problem)[0]
 
     def judged(self, itinerary: Itinerary) -> Candidate:
-        """Performance of a route in the deliveries used for the first comparison."""
+        """Return the performance of a route in the deliveries of the first comparison."""
         return self._judged(itinerary, self.parameters.screen_runs, self.parameters.screen_members)[0]
 
     def _judged(
         self, itinerary: Itinerary, runs: int, realizations: int | None, before: Candidate | None = None
     ) -> tuple[Candidate, NDArray[np.float64]]:
-        """How a route fares, and the share of runs that charge at each stop; computed once, with what is known from `before`."""
+        """Return the performance of a route, and the share of runs that charge at each stop; computed once, with the tables of `before`."""
         key = itinerary, runs, realizations
         if key not in self._known:
             self._known[key] = self._judged_now(itinerary, runs, realizations, before)
@@ -454,7 +455,7 @@ class RobustSearch:
         self, itinerary: Itinerary, runs: int, realizations: int | None, before: Candidate | None
     ) -> tuple[Candidate, NDArray[np.float64]]:
         p = self.problem
-        flights = len(itinerary) + p.needs_escape  # the way on counts as one
+        flights = len(itinerary) + p.needs_escape  # the way on counts as one leg
         known = known_at(p, self.errors, measured=True, epsilon=self.parameters.required_share * p.epsilon / flights)
         policy = ChargePolicy(p, itinerary, known, self.parameters.full_share * p.epsilon)
         known_before = None if before is None else before.out_of_sample
@@ -477,5 +478,5 @@ class RobustSearch:
 
 
 def _flying(found: dict[tuple[tuple[int, ...], ...], Candidate]) -> list[Candidate]:
-    """Those that arrive in any realization."""
+    """Return the candidates that arrive in any realization."""
     return [one for one in found.values() if one.outcome.p_arrive > 0.0]

@@ -1,4 +1,4 @@
-"""Routes with requested stops: composed piece by piece, from each to the next, in the requested order."""
+"""Routes with required stops: composed piece by piece, from each to the next, in the given order."""
 
 from __future__ import annotations
 
@@ -23,9 +23,9 @@ def compose_through(
 ) -> Itinerary | None:
     """Compose to each stop of ``problem.must_stop`` and on to the destination; None where a piece has no way.
 
-    `find` composes a piece and tells its arrival, POSIX seconds. The next piece begins then, with the charge that the drone lands with
-    in the first member; where the wind of that one never lets it fly, with the reserve. The whole is as good as its pieces: that a
-    later arrival at a stop could shorten what follows is not looked for.
+    `find` composes a piece and returns its arrival, POSIX seconds. The next piece begins then, with the charge on landing
+    in the first member; if that wind never permits the flight, with the reserve. Each piece is optimal by itself: that a
+    later arrival at a stop could shorten the rest is not examined.
     """
     legs: Itinerary = ()
     here = problem

@@ -1,7 +1,7 @@
-"""The way on from a target without pads, as the robust planner sees it: the charge that is kept for it, and what becomes of it.
+"""The way on from a target without pads: the charge reserved for it, and its simulation.
 
-The charge is what the flight takes by the forecast in all but a share epsilon, as that of every flight
-(`planner.robust.required_soc_kernels`), seen from the departure; it is counted in the same realizations as the way out.
+The charge is sufficient by the forecast in all but a share epsilon of cases, as that of every flight
+(`planner.robust.required_soc_kernels`), as known at the departure; it is simulated in the same realizations as the way out.
 """
 
 from __future__ import annotations
@@ -38,16 +38,16 @@ if TYPE_CHECKING:
 
 _LATEST_H = 12.0
 _TOGETHER_S = 600.0
-"""Ways on that begin within so long are flown together."""
+"""Ways on that begin within this time are simulated together, s."""
 _FRESH_GUSTS = np.uint64(0x9E3779B97F4A7C15)
 
 
 def way_on_energy(problem: Problem, known: Known, time_s: float) -> tuple[float, tuple[int, ...]]:
-    """Charge that the best way on needs that begins at a time, and that way; infinite in winds that forbid all of them.
+    """Return the charge of the best way on that begins at a time, and that way; infinite in winds that forbid all of them.
 
-    The best is the one that needs least, of those to stations that are likely to have room, if there are any.
+    The best way is that of least charge, of those to stations that probably have a free place, if there are any.
 
-    Worked out once for each slot of the forecast.
+    Computed once for each slot of the forecast.
     """
     air = problem.air
     slot = int(slot_of(air, time_s))
@@ -73,9 +73,9 @@ def way_on_energy(problem: Problem, known: Known, time_s: float) -> tuple[float,
 
 
 def kept_for_way_on(problem: Problem, itinerary: Itinerary, known: Known) -> float:
-    """Charge kept for the way on after an itinerary: the most of the hours in which it arrives by the forecast.
+    """Return the charge reserved for the way on after an itinerary: the greatest of the hours in which it arrives by the forecast.
 
-    Hours in which no wind lets it leave do not count: it waits on the ground. More than a battery holds where there is no other.
+    Hours in which no wind permits the departure do not count: it waits on the ground. More than a full battery if there are no other hours.
     """
     arrival = fly_expected(problem, itinerary)[:, -1, TOUCH_DOWN]
     arrival = arrival[np.isfinite(arrival)]
@@ -96,10 +96,10 @@ def fly_on(
     sample_set: int,
     fly: Fly,
 ) -> NDArray[np.float64]:
-    """Charge that the way on takes in realizations, shape (runs,): 0 for those that never arrive, or never leave again.
+    """Return the charge of the way on in realizations, shape (runs,): 0 for runs that never arrive, or never leave again.
 
-    Each goes the way that needs least by the forecast of its hour, when the wind and the room at its end let it: until then it stands at
-    the target; `fly` flies one flight like that, as a `ChargePolicy` does that needs so much for it: shape (runs, 1, 7). The vehicle's energy is that of the last column of the disturbance.
+    Each takes the way of least charge by the forecast of its hour, when the wind and the free capacity at its end permit it: until then it stands at
+    the target; `fly` simulates one flight of that charge, as a `ChargePolicy` does: shape (runs, 1, 7). The vehicle's energy is that of the last column of the disturbance.
     """
     taken = np.zeros(len(arrival_s))
     off = arrival_s + problem.request.dwell_s
@@ -123,7 +123,7 @@ def fly_on(
         )
         paths = problem.many_queues(
             [problem.destination, end], sample_set, int(disturbance.queue.max()) + 1
-        )  # as the way out meets them
+        )  # as in the simulation of the way out
         needed = needed if math.isfinite(needed) else 1.0
         landed = fly(leaving, (Leg(way),), sky, members[runs], paths, needed)[:, -1, SOC_LANDING]
         taken[runs] = np.where(np.isfinite(landed), 1.0 - landed, 0.0)

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from skyway.models.airspace.zone import Zone
-    from skyway.models.composition.composition import DroneService, Stop
+    from skyway.models.composition.service import DroneService, Stop
     from skyway.models.network.network import Network
     from skyway.planner.problem.problem import Problem
 

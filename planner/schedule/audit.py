@@ -32,8 +32,9 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
     from datetime import datetime
 
-    from skyway.models.composition.composition import Composition, DroneService, Stop
-    from skyway.models.network.network import Station
+    from skyway.models.composition.composition import Composition
+    from skyway.models.composition.service import DroneService, Stop
+    from skyway.models.network.station import Station
     from skyway.models.queues.paths import QueuePath
     from skyway.planner.problem.problem import Problem
     from skyway.planner.schedule.itinerary import Itinerary, Leg

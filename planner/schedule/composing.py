@@ -9,17 +9,10 @@ import numpy as np
 from skyway.models.base import geodesy
 from skyway.models.base.parameters import changed
 from skyway.models.base.units import J_PER_WH, from_posix
-from skyway.models.composition.composition import (
-    ArrivalDistribution,
-    Composition,
-    DeliveryCosts,
-    DroneService,
-    EnergyDistribution,
-    LegSegment,
-    Place,
-    Stop,
-)
+from skyway.models.composition.composition import Composition
+from skyway.models.composition.distributions import ArrivalDistribution, DeliveryCosts, EnergyDistribution
 from skyway.models.composition.heights import LegHeights, TerrainUse
+from skyway.models.composition.service import DroneService, LegSegment, Place, Stop
 from skyway.models.flight.rules import segment_factors
 from skyway.models.flight.way_heights import way_heights
 from skyway.models.wind.summary import Passage, Wind, WindSummary, summarise_wind

@@ -11,7 +11,7 @@ from skyway.models.base.units import from_posix
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
-    from skyway.models.composition.composition import DroneService, Stop
+    from skyway.models.composition.service import DroneService, Stop
     from skyway.planner.problem.problem import Problem
 
 SHOWN_S = 30.0

@@ -1,1 +1,1 @@
-"""Tours: several packages aboard, recharging on the way, chargers that are few."""
+"""Tours: several packages on board, recharging on the way, limited numbers of chargers."""

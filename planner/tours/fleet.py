@@ -1,7 +1,7 @@
-"""Tours of a fleet as problems: for the drones of one type at one station, its orders, all pads, and flights that hold in every hour of the plan.
+"""Tours of a fleet as problems: for the drones of one type at one station, its orders, all pads, and flights that are feasible in every hour of the plan.
 
-A leg takes the longest time and the most energy of any hour in which it may be flown, so a tour can be flown whenever its legs begin. Its energy grows
-linearly with the mass aboard, up to that of the heaviest load: the true one is convex, so that is not below it. A station charges up to `level` at the slowest
+A leg has the longest time and the greatest energy of any hour in which it may be flown, so a tour is feasible whenever its legs begin. Its energy grows
+linearly with the mass on board, up to that of the heaviest load: the true energy is convex, so it is not above that. A station charges up to `level` at the slowest
 rate below that, so no charge takes longer than planned.
 """
 
@@ -27,11 +27,11 @@ if TYPE_CHECKING:
     from skyway.planner.tours.problem import Tours
 
 HOME_S = 3600.0
-"""So long after its last order is due a tour is home."""
+"""A tour is home at most this time after its last order is due, s."""
 FORBIDDEN = 1e6
-"""Energy for each kilogram where nothing can be carried."""
+"""Energy per kilogram if nothing can be carried."""
 Taken = tuple[int, float, float]
-"""A window of a pad that is taken: its number among all, begin and end, POSIX seconds."""
+"""A booked window of a pad: the pad's number among all, begin and end, POSIX seconds."""
 
 
 @dataclass(frozen=True)
@@ -39,12 +39,13 @@ class Group:
     """Drones of one type at one station, and the orders there."""
 
     place: int
-    """Of the station, among those of the dispatch problem."""
+    """Place of the station in the dispatch problem."""
     drones: tuple[int, ...]
     orders: tuple[int, ...]
-    """By number among all."""
+    """Numbers of the orders among all."""
     tours: Tours
-    """Times in seconds from `begin_s`; energy is charge above the reserve, of a new battery; customer i is the order i - 1."""
+    """Times in seconds from `begin_s`; energy is charge above the reserve, of a new battery; customer i is the
+    order i - 1."""
     begin_s: float
 
 
@@ -56,15 +57,15 @@ def group_of(work: Work, laid: Laid, drones: Sequence[int], orders: Sequence[int
     work : Work
         Orders and drones.
     laid : Laid
-        All flights, drones and orders; its modes have the type with its full load.
+        All flights, drones and orders; its modes include the type with its full load.
     drones, orders : sequence of int
-        By number; the drones stand at the station where all of the orders begin.
+        Numbers; the drones stand at the station where all of the orders begin.
     begin_s : float
-        Nothing begins earlier, POSIX seconds.
+        Earliest beginning, POSIX seconds.
     taken : sequence of Taken
-        Windows that others have.
+        Windows booked by others.
     parameters : PlannerParameters
-        Tuned numbers.
+        Parameters of the planners.
     """
     problem = laid.problem
     flights, wanted = problem.flights, problem.orders
@@ -95,7 +96,7 @@ def group_of(work: Work, laid: Laid, drones: Sequence[int], orders: Sequence[int
 
 
 def _likeness(laid: Laid, drone: int, begin_s: float) -> tuple[float, ...]:
-    """What drones of one type differ in: when they are there, and with which charge."""
+    """Return the properties by which drones of one type differ: availability and charge."""
     fleet = laid.problem.fleet
     energy = (fleet.soc[drone] - laid.problem.flights.reserve) / fleet.scale[drone]
     return max(float(fleet.from_s[drone]) - begin_s, 0.0), float(fleet.to_s[drone]), -float(energy)
@@ -132,7 +133,7 @@ def _arcs(laid: Laid, type_id: str, places: NDArray[np.int64], begin_s: float, l
         with np.errstate(invalid="ignore"):
             rise = (
                 (need[mass] if full else budget) - empty
-            ) / mass  # beyond the heaviest load that can be flown nothing is left
+            ) / mass  # beyond the heaviest load that can be flown no charge is left
         lift = np.where(flown, np.maximum(rise, 0.0), lift)
     same = places[:, None] == places[None]
     time_s, empty, lift = (np.where(same, 0.0, table) for table in (time_s, empty, lift))
@@ -146,7 +147,7 @@ def _slot(flights: Flights, time_s: float) -> int:
 
 
 def _longest_waits(flights: Flights, begin_s: float, last_s: float) -> NDArray[np.float64]:
-    """Longest mean wait for strangers at each stop, s."""
+    """Longest mean wait for pads because of other drones at each stop, s."""
     first, last = (int((time - flights.start_s) / flights.wait_step_s) for time in (begin_s, last_s))
     columns = slice(max(first, 0), max(last, 0) + 1)
     waits = flights.wait_s[flights.stops, columns]
@@ -155,7 +156,7 @@ def _longest_waits(flights: Flights, begin_s: float, last_s: float) -> NDArray[n
 
 
 def _slowest(flights: Flights, kind: int, level: float) -> float:
-    """Seconds for a whole battery at the slowest rate of any stop below a level."""
+    """Charging time of a whole battery at the slowest rate of any stop below a level, s."""
     slowest = 0.0
     for curve in np.unique(flights.curve_of[kind, flights.stops]):
         soc, time_s = flights.curve_soc[curve], flights.curve_s[curve]

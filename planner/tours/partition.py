@@ -1,4 +1,4 @@
-"""The best choice of routes out of all that were seen: a set partitioning problem, solved by HiGHS."""
+"""The best selection of all routes found: a set partitioning problem, solved by HiGHS."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ EDGE = 1e-6
 
 
 class Jobs(NamedTuple):
-    """What routes want of the chargers at the depot, shape (routes,) each."""
+    """Demand of routes for the chargers at the depot, shape (routes,) each."""
 
     periods: NDArray[np.int64]
     by: NDArray[np.int64]
@@ -34,28 +34,28 @@ def partition(
     apart: Sequence[Sequence[int]] = (),
     time_limit_s: float = 10.0,
 ) -> NDArray[np.int64] | None:
-    """Return numbers of routes that serve every customer once and cost least together; None where none below a cost was found in time.
+    """Return the numbers of the routes that serve every customer once at least total cost; None if none below a cost was found in time.
 
     Minimize sum c_r x_r with sum_r a_ir x_r = 1 for each customer i, x binary; at most `most_routes`. For each period t the routes that must be
-    charged by then take no more than all chargers have: sum of p_r x_r <= chargers t; on one charger that is exact. Columns whose reduced cost
-    in the linear relaxation is above the gap to `most_cost` are in no better choice, and left out.
+    charged by then need at most the capacity of all chargers: sum of p_r x_r <= chargers t; for one charger that is exact. Columns whose reduced cost
+    in the linear relaxation is above the gap to `most_cost` are in no better selection, and omitted.
 
     Parameters
     ----------
     served : csr_array, shape (customers, routes)
         1 where a route serves a customer.
     cost : array, shape (routes,)
-        Of each.
+        Cost of each route.
     most_cost : float
-        Only a choice that costs less is wanted.
+        Upper bound of the cost.
     most_routes : int, optional
-        At most so many.
+        Maximum number of routes.
     jobs : Jobs, optional
-        What the routes want of chargers that are few.
+        Demand of the routes for the chargers at the depot.
     apart : sequence of sequence of int
         Routes that cannot all be chosen together.
     time_limit_s : float
-        Of the integer program.
+        Time limit of the integer program.
     """
     from scipy.optimize import Bounds, LinearConstraint, linprog, milp
     from scipy.sparse import csr_array, vstack

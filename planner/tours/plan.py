@@ -45,8 +45,8 @@ if TYPE_CHECKING:
     from skyway.planner.tours.search import Search
 
 NO_DRONE = "no drone of the fleet stands at its station and is at home there"
-HOPELESS = "no drone there can deliver it by when it is due and come home, even alone"
-CROWDED = "the drones and pads serve orders that count more"
+HOPELESS = "no drone there can deliver it by its due time and return, even without other orders"
+CROWDED = "the drones and pads serve orders of greater weight"
 
 
 def plan_tours(
@@ -62,21 +62,21 @@ def plan_tours(
     fewest_drones: bool = False,
     parameters: PlannerParameters = USUAL,
 ) -> DispatchPlan:
-    """Plan tours: each drone leaves its station once, with all of its packages aboard, and is home after the last one.
+    """Plan tours: each drone leaves its station once, with all of its packages on board, and returns after the last one.
 
-    Orders of a station are flown by the drones that stand and live there; type by type, the one that carries most first. What would be late is refused.
+    Orders of a station are flown by the drones that stand there and have it as home; type by type, the one with the greatest payload first. Orders that would be late are refused.
 
     Parameters
     ----------
     work, depart, forecast, holds, reserve, time_limit_s, iterations, seed, parameters
         As for `planner.dispatch.dispatch.dispatch`.
     fewest_drones : bool
-        Whether fewer drones are better, whatever time and energy they take.
+        Whether the number of drones is minimized first, whatever time and energy they take.
 
     Raises
     ------
     InputError
-        It reaches beyond the forecast, or is too large.
+        The plan reaches beyond the forecast, or the problem is too large.
     """
     started = time.perf_counter()
     forecast = forecast if forecast is not None else work.scenario.forecast(depart, HORIZON_H)
@@ -99,7 +99,7 @@ def plan_tours(
         search = solve(group.tours, parameters.tours, seed=seed, time_limit_s=time_limit_s / len(teams), iterations=max(iterations // len(teams), 1), fewest_vehicles=fewest_drones)  # fmt: skip
         cost, tried = cost + search.cost, tried + search.iterations
         for vehicle, rows in search.timetables().items():
-            route, found = _told(work, laid, group, group.drones[vehicle], rows)
+            route, found = _result_of(work, laid, group, group.drones[vehicle], rows)
             routes.append(route)
             answers.update(found)
             charges = rows[(rows[:, KIND] == CHARGE) & (rows[:, PAD] >= 0)]
@@ -119,7 +119,7 @@ def plan_tours(
 
 
 def _teams(work: Work, laid: Laid) -> list[tuple[int, list[int]]]:
-    """Drones of one type that stand where they are at home and orders begin, by station; those that carry most first."""
+    """Drones of one type that stand at their home, where orders begin, by station; those of the greatest payload first."""
     teams: dict[tuple[int, str], list[int]] = {}
     wanted = set(laid.problem.orders.origin.tolist())
     for number, drone in enumerate(work.vehicles):
@@ -154,7 +154,7 @@ def _energy_j(work: Work, routes: Sequence[Route]) -> float:
 
 
 def _without_waiting(rows: NDArray[np.float64], due: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Put off a departure, so that the drone waits less on the way: as far as nothing is late, and nothing that has a pad.
+    """Postpone a departure, to reduce the waits on the way: as far as nothing is late, and no booked pad is affected.
 
     With the waits W_i before customers and their slack d_i = due - begin: by min over i of (W_1 + … + W_i + d_i), and no more than all waits, before the first charge.
     """
@@ -174,10 +174,10 @@ def _without_waiting(rows: NDArray[np.float64], due: NDArray[np.float64]) -> NDA
     return shifted
 
 
-def _told(
+def _result_of(
     work: Work, laid: Laid, group: Group, drone: int, rows: NDArray[np.float64]
 ) -> tuple[Route, dict[int, Answer]]:
-    """Tell what a drone does, and what becomes of its orders."""
+    """Convert the timetable of a drone, and the outcome of its orders, to the result."""
     network, flights = work.scenario.network, laid.problem.flights
     name = [network.stations[node].id for node in laid.places]
     health, vehicle = work.vehicles[drone].battery_health, work.vehicles[drone]

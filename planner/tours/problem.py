@@ -14,9 +14,9 @@ if TYPE_CHECKING:
 
 
 class Ways(NamedTuple):
-    """Ways between two nodes, those of each pair one after the other by cost.
+    """Ways between pairs of nodes, those of each pair consecutive, in the order of cost.
 
-    A way is one arc, or up to three with a charge at the station between each two of them. None of a pair is better than another in all.
+    A way is one arc, or up to three with a charge at the station between each two of them. No way of a pair dominates another.
     """
 
     cost: NDArray[np.float64]
@@ -24,11 +24,11 @@ class Ways(NamedTuple):
     time: NDArray[np.float64]
     energy: NDArray[np.float64]
     lift: NDArray[np.float64]
-    """Shape (ways, 3) each, by arc; `lift` is the energy for each unit of load aboard."""
+    """Shape (ways, 3) each, by arc; `lift` is the energy for each unit of load on board."""
     station: NDArray[np.int64]
     """Shape (ways, 2): numbers of stations; -1: none."""
     arc: NDArray[np.int64]
-    """Shape (ways, 3): which of the parallel arcs it takes."""
+    """Shape (ways, 3): number of the parallel arc."""
 
 
 class Vehicles(NamedTuple):
@@ -37,28 +37,28 @@ class Vehicles(NamedTuple):
     begin: NDArray[np.float64]
     end: NDArray[np.float64]
     energy: NDArray[np.float64]
-    """With which it begins."""
+    """Energy at the beginning."""
     capacity: NDArray[np.float64]
     kind: NDArray[np.int64]
-    """Those that are alike have the same number, and stand one after the other."""
+    """Identical vehicles have the same number, and are consecutive."""
 
 
 class Pads(NamedTuple):
-    """Chargers of the stations; without a station they are no concern."""
+    """Chargers of the stations; without a station they are unlimited."""
 
     first: NDArray[np.int64]
     number: NDArray[np.int64]
-    """Shape (stations,) each: number of the first one, and how many."""
+    """Shape (stations,) each: number of the first one, and their number."""
     taken: Calendar
-    """Windows that others have."""
+    """Windows booked by others."""
 
 
 class Depot(NamedTuple):
-    """Chargers at the depot that fill empty vehicles before their tours, one at a time each, without a break; 0 chargers: no concern."""
+    """Chargers at the depot that fill empty vehicles before their tours, one at a time each, without a break; 0 chargers: unlimited."""
 
     chargers: int
     periods: NDArray[np.int64]
-    """Shape (energies,): periods until so much energy is charged."""
+    """Shape (energies,): periods of charging for each energy."""
     period: float
     """Length of a period; the first begins at time 0."""
 
@@ -68,24 +68,25 @@ class Tours(NamedTuple):
 
     ready: NDArray[np.float64]
     due: NDArray[np.float64]
-    """When service begins at the earliest and latest; of the depot: when a vehicle leaves at the earliest and is back at the latest."""
+    """Earliest and latest beginning of service; for the depot: earliest departure and latest return of a vehicle."""
     service: NDArray[np.float64]
     demand: NDArray[np.float64]
     refusal: NDArray[np.float64]
     """Cost of not serving it."""
     release: NDArray[np.float64]
-    """When what it wants is at the depot: no tour that serves it leaves before."""
+    """Time at which its load is at the depot: no tour that serves it leaves before."""
     vehicles: Vehicles
     battery: float
     pace: float
     """Energy of a full battery, and time to charge one unit of it."""
     level: float
-    """Up to which energy stations charge."""
+    """Energy up to which stations charge."""
     first: NDArray[np.int64]
     """Shape (nodes, nodes + 1): number of the first way of a pair; the next element has the end."""
     ways: Ways
     guide: NDArray[np.float64]
-    """Shape (ways,): cost by which ways are chosen, `Ways.cost` or above; a search with chargers at the depot puts a price on energy there."""
+    """Shape (ways,): cost by which ways are chosen, `Ways.cost` or above; with limited chargers at the depot the
+    search adds a price on energy."""
     fastest: NDArray[np.float64]
     """Shape (nodes, nodes): least time of any way of a pair, infinite where there is none."""
     near: NDArray[np.int64]
@@ -101,11 +102,11 @@ class Arcs(NamedTuple):
     time: NDArray[np.float64]
     energy: NDArray[np.float64]
     lift: NDArray[np.float64]
-    """Energy for each unit of load aboard."""
+    """Energy for each unit of load on board."""
 
 
 class Visits(NamedTuple):
-    """What places want, shape (places,) each; place 0 is the depot."""
+    """Demand of places, shape (places,) each; place 0 is the depot."""
 
     ready: NDArray[np.float64]
     due: NDArray[np.float64]
@@ -116,7 +117,7 @@ class Visits(NamedTuple):
 
 
 class Charging(NamedTuple):
-    """How all stations charge: time for a unit of energy, up to which energy, of how much in all."""
+    """Charging of all stations: time for a unit of energy, the energy up to which they charge, and the capacity."""
 
     pace: float
     level: float
@@ -131,7 +132,7 @@ NO_DEPOT = Depot(0, np.empty(0, dtype=np.int64), 1.0)
 
 
 def alike(count: int, begin: float, end: float, energy: float, capacity: float) -> Vehicles:
-    """Return so many vehicles that are the same."""
+    """Return a number of identical vehicles."""
     begins, ends, energies, capacities = (
         np.full(count, value, dtype=np.float64) for value in (begin, end, energy, capacity)
     )
@@ -146,15 +147,15 @@ def lay_out(
     Parameters
     ----------
     arcs, visits : Arcs, Visits
-        Between and at places.
+        Arcs between the places, and demand of the places.
     stations : array, shape (stations,)
-        Places where is charged; all others are the depot or customers. `Ways.station` has their number in it.
+        Places of stations; all others are the depot or customers. `Ways.station` has their index in it.
     vehicles : Vehicles
         The fleet.
     charging : Charging
-        At the stations.
+        Charging at the stations.
     pads, depot : Pads, Depot
-        Chargers that are few.
+        Limited chargers.
     """
     places = len(visits.ready)
     nodes = np.setdiff1d(np.arange(places), stations)

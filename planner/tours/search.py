@@ -1,4 +1,4 @@
-"""The state of a search for tours: the plan that is changed, the best one, and the tours that were seen."""
+"""The state of a search for tours: the present plan, the best one, and the pool of tours found."""
 
 from __future__ import annotations
 
@@ -24,18 +24,20 @@ if TYPE_CHECKING:
     from skyway.planner.tours.problem import Tours
 
 LABELS = 128
-"""Of one node, when the charges of a route are chosen."""
+"""Labels of one node, when the charges of a route are chosen."""
 CHUNK = 200
-"""Iterations between two looks at the clock."""
+"""Iterations between two checks of the time limit."""
 STATES = 16
-"""Of the chargers at the depot, that are kept."""
+"""States of the schedule of the chargers at the depot that are kept."""
 WANTED, WANTED_COOL = (0.3, 0.6), (0.8, 1.0)
-"""Share of the iterations in which the plan is to serve all in time, warm and cool: with less absence costs more, with more less. Lateness always follows the first."""
+"""Target range of the share of iterations in which the plan serves all customers in time, warm and cool: below it
+absence costs more, above it less. Lateness always uses the first."""
 STEP = 1.1
 CHEAPEST = 0.1
-"""An absent customer costs no less than this share of what it costs at first: for nothing, the search would leave customers out and put them in again at any cost."""
+"""Least cost of an absent customer as a share of the initial one: at no cost, the search would leave customers out
+and insert them again at any cost."""
 UNPRICED = 0.5
-"""Share of the time in which energy has no price of its own."""
+"""Share of the time in which energy has no price."""
 
 
 def _plan(nodes: int, vehicles: int) -> Plan:
@@ -47,7 +49,7 @@ def _plan(nodes: int, vehicles: int) -> Plan:
 
 
 def _prices(tours: Tours) -> NDArray[np.float64]:
-    """Return what energy costs where one of parallel arcs takes less of it than another: the prices at which a choice changes."""
+    """Return prices of energy at which the choice between parallel arcs of different energy changes."""
     if not tours.depot.chargers:
         return np.empty(0)
     first = tours.first[:, :-1].ravel()
@@ -76,12 +78,12 @@ def _chargers(tours: Tours, vehicles: int, nodes: int) -> Chargers:
 
 
 def _step(share: float, low: float, high: float) -> float:
-    """By which a price changes: dearer where the share of plans without what it is for is below a band, cheaper above."""
+    """Return the step of a price: up if the share of plans without the violation is below a range, down if above."""
     return STEP if share < low else 1.0 / STEP if share > high else 1.0
 
 
 class Search:
-    """Tours as they are bettered; everything random comes from a seed."""
+    """Search for tours by annealing; all random numbers come from one seed."""
 
     def __init__(self, tours: Tours, parameters: ToursParameters, seed: int = 0) -> None:
         self.tours, self.parameters = tours, parameters
@@ -108,17 +110,17 @@ class Search:
 
     @property
     def used(self) -> int:
-        """Vehicles of the best plan."""
+        """Return the number of vehicles of the best plan."""
         return int((self.best.length > 0).sum())
 
     @property
     def refused(self) -> NDArray[np.int64]:
-        """Customers that the best plan does not serve."""
+        """Return the customers that the best plan does not serve."""
         return np.flatnonzero(self.best.route_of[1:] < 0) + 1
 
     @property
     def cost(self) -> float:
-        """Cost of the best plan's routes."""
+        """Return the cost of the best plan's routes."""
         return float(total_cost(self.best))
 
     def route(self, vehicle: int) -> tuple[list[int], list[int]]:
@@ -127,7 +129,7 @@ class Search:
         return self.best.customer[vehicle, :length].tolist(), self.best.way[vehicle, : length + 1].tolist()
 
     def run(self, *, end_at: float, iterations: int, warm: float, cool: float, most_routes: int, until_served: bool = False) -> None:  # fmt: skip
-        """Anneal the plan until a time or for so many iterations, or until all customers are served, if that is all that is wanted."""
+        """Anneal the plan until a time, for a number of iterations, or until all customers are served, if that is the goal."""
         begin, first = time.perf_counter(), self.iterations
         mean, usual = self.mean_cost, max(float(self.tours.refusal[1:].mean()), 1e-9)
         first_absent = self.parameters.absent
@@ -164,7 +166,7 @@ class Search:
                 break
 
     def _priced(self) -> Tours:
-        """Return the problem with a price on energy, half of the time, where chargers at the depot are few."""
+        """Return the problem with a price on energy, half of the time, if chargers at the depot are limited."""
         if not len(self._prices) or self._random.random() < UNPRICED:
             return self.tours
         price = float(self._random.choice(self._prices))
@@ -172,7 +174,7 @@ class Search:
 
     @property
     def mean_cost(self) -> float:
-        """Of a tour with one customer: how far apart places are, whatever the windows."""
+        """Return the mean cost of a tour with one customer, a measure of the distances, whatever the windows."""
         first, ways = self.tours.first, self.tours.ways
         alone = [
             ways.cost[first[0, node]] + ways.cost[first[node, 0]]
@@ -182,7 +184,7 @@ class Search:
         return max(float(np.mean(alone)), 1e-9) if alone else 1.0
 
     def restart(self) -> None:
-        """Go on with the best plan, if there is one; an absent customer costs what it costs at first."""
+        """Continue from the best plan, if there is one; with the initial cost of an absent customer."""
         if not self.used:
             return
         copy_plan(self.best, self.plan)
@@ -190,7 +192,7 @@ class Search:
         self._absent = self.parameters.absent
 
     def drop_route(self) -> None:
-        """Take all customers out of the route of the plan whose customers were absent least."""
+        """Remove all customers from the route whose customers were absent least often."""
         plan = self.plan
         used = np.flatnonzero(plan.length)
         absences = [self.work.absences[plan.customer[route, : plan.length[route]]].sum() for route in used]
@@ -210,7 +212,7 @@ class Search:
         return Plan._make(part.copy() for part in self.best), self.best_cost
 
     def restore(self, saved: tuple[Plan, float]) -> None:
-        """Make the best plan what it was, and go on with it."""
+        """Restore the best plan, and continue from it."""
         copy_plan(saved[0], self.best)
         self.best_cost = saved[1]
         self.restart()
@@ -225,14 +227,14 @@ class Search:
         )
 
     def job(self, customers: Sequence[int], ways: Sequence[int]) -> tuple[int, int]:
-        """Return the periods that a route charges at the depot, and by which it must have; the trial is changed meanwhile."""
+        """Return the periods that a route charges at the depot, and the period by which it must be charged; the trial plan is changed."""
         self._put(self.trial, 0, customers, ways)
         found = job(self.tours, self.trial, 0)
         copy_plan(self.plan, self.trial)
         return found
 
     def take(self, routes: Sequence[tuple[Sequence[int], Sequence[int]]]) -> bool:
-        """Make some routes the best plan, if they are feasible together and cost less; go on with the best plan."""
+        """Make some routes the best plan, if they are jointly feasible and cost less; continue from the best plan."""
         plan = self.trial
         plan.length[:] = 0
         plan.cost[:] = plan.load[:] = 0.0
@@ -247,13 +249,13 @@ class Search:
         return feasible
 
     def alone(self, node: int) -> bool:
-        """Whether a vehicle could serve a customer if it were the only one."""
+        """Return whether a vehicle could serve a customer if it were the only one."""
         plan, vehicles = _plan(len(self.tours.ready), len(self.tours.vehicles.begin)), self.tours.vehicles
         fits = np.flatnonzero(vehicles.capacity + GAIN >= self.tours.demand[node])
         return any(insertion(self.tours, plan, int(vehicle), 0, node, np.inf)[0] < np.inf for vehicle in fits)
 
     def timetables(self) -> dict[int, NDArray[np.float64]]:
-        """Return what each vehicle of the best plan does when, rows as in `charger_kernels`."""
+        """Return the timetable of each vehicle of the best plan, rows as in `charger_kernels`."""
         calendar = self.chargers.calendar
         clear(self.tours, calendar)
         found = {}
@@ -264,7 +266,7 @@ class Search:
         return found
 
     def depot_charges(self) -> dict[int, tuple[int, int, int]]:
-        """Return for each vehicle of the best plan that is charged at the depot: after which period, for how many, and by which it must be."""
+        """Return for each vehicle of the best plan that is charged at the depot: the period after which it begins, the number of periods, and the period by which it must be charged."""
         queue = self.chargers.queue
         count = queue_up(self.tours, self.best, queue)
         _, state = schedule(queue, count)
@@ -277,7 +279,7 @@ class Search:
         return found
 
     def _put(self, plan: Plan, number: int, customers: Sequence[int], ways: Sequence[int]) -> bool:
-        """Write a route into a plan; false where it is not feasible."""
+        """Insert a route into a plan; false if it is not feasible."""
         plan.customer[number, : len(customers)] = customers
         plan.way[number, : len(ways)] = ways
         plan.length[number] = len(customers)

@@ -16,11 +16,11 @@ if TYPE_CHECKING:
     from skyway.planner.tours.problem import Tours
 
 CHOICES = 8
-"""So often routes are chosen again where those chosen cannot all be driven together."""
+"""Number of selections of routes if those selected are not jointly feasible."""
 FEWER = 0.02
-"""Temperature while vehicles are saved, in mean tours with one customer."""
+"""Temperature while the number of vehicles is reduced, in mean tours with one customer."""
 BUILT = 2000
-"""Iterations in which the first plan is made."""
+"""Iterations of the initial plan."""
 
 
 def solve(
@@ -32,20 +32,20 @@ def solve(
     iterations: int = 10**9,
     fewest_vehicles: bool = False,
 ) -> Search:
-    """Search for tours, for so long or so many iterations.
+    """Search for tours, within a time limit or a number of iterations.
 
     Parameters
     ----------
     tours : Tours
         The problem.
     parameters : ToursParameters
-        How is searched.
+        Parameters of the search.
     seed : int
-        Of everything random; with a limit on iterations alone the same tours come out each time.
+        Seed of all random numbers; with a limit on iterations alone the tours are reproducible.
     time_limit_s, iterations : float, int
         The search ends after either.
     fewest_vehicles : bool
-        Whether fewer vehicles are better, whatever they cost.
+        Whether the number of vehicles is minimized first, whatever the cost.
 
     Raises
     ------
@@ -97,7 +97,7 @@ def _warm_up(tours: Tours, parameters: ToursParameters) -> None:
 
 
 def _fewer(search: Search, end_at: float, iterations: int) -> int:
-    """Leave routes out one after the other, as long as their customers find another in time; return how many there are."""
+    """Remove routes one after the other, as long as their customers are inserted elsewhere in time; return the remaining number."""
     tours = search.tours
     least = int(np.ceil(tours.demand.sum() / max(float(tours.vehicles.capacity.max()), 1e-9) - 1e-9))
     last = search.iterations + iterations
@@ -121,7 +121,7 @@ def _fewer(search: Search, end_at: float, iterations: int) -> int:
 
 
 def _choose(search: Search, most_routes: int, end_at: float) -> None:
-    """Choose the best of all routes seen; again without those that cannot be driven together."""
+    """Select the best of all routes found; again without those that are not jointly feasible."""
     from scipy.sparse import csr_array
 
     tours = search.tours

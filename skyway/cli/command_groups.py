@@ -65,6 +65,7 @@ def add_command(app: typer.Typer, name: str) -> None:
         added = app.registered_commands[-1:]
     for one in added:
         one.help = (one.callback.__doc__ or "").replace(_HEAD, _SHOWN_HEAD)
+        one.short_help = _sentence(one.help)  # whole, where click would cut it
 
 
 class GroupedCommands(TyperGroup):

@@ -39,10 +39,10 @@ CONNECT_HELP = (
     f"Default: {DEFAULT_CONNECT}."
 )
 FORWARD_HELP = (
-    "Forward the link to other ground stations, such as udpout:127.0.0.1:14550; repeatable. They may fly (modes, arming), "
-    "not change missions and parameters: --forward-commands."
+    "Forward the link to other ground stations, such as udpout:127.0.0.1:14550; repeatable. They may command "
+    "the flight (modes, arming), not change missions and parameters; see --forward-commands."
 )
-Yes = Annotated[bool, typer.Option("--yes", help="Carry it out; without --yes nothing is changed.")]
+Yes = Annotated[bool, typer.Option("--yes", help="Execute the command; without --yes nothing is changed.")]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -58,7 +58,8 @@ class Line:
     record: Annotated[Path, typer.Option(help="Folder for recordings (.tlog).")] = Path("recordings")
     forward: Annotated[list[str] | None, typer.Option(help=FORWARD_HELP)] = None
     forward_commands: Annotated[
-        Literal["none", "pilot", "all"], typer.Option(help="What other ground stations may order: see --forward.")
+        Literal["none", "pilot", "all"],
+        typer.Option(help="Commands permitted to other ground stations; see --forward."),
     ] = "pilot"
 
     @property

@@ -111,7 +111,7 @@ class Console:
         """Put a question."""
         self._show(f"? {question}")
 
-    def heard(self) -> Said | None:
+    def next_input(self) -> Said | None:
         """Return the next line typed, or None."""
         with contextlib.suppress(queue.Empty):
             return Said(self._words.get_nowait())

@@ -29,7 +29,7 @@ Plot = Annotated[Path | None, typer.Option("--plot", help="Draw a picture: FILE.
 Zones = Annotated[
     list[Path] | None,
     typer.Option(
-        help="Airspace beside that of the scenario: ED-269, ED-318, GeoJSON, OpenAir, KML; repeatable. The pressure of the day may follow: FILE@Q1013, FILE@Q1013,15C, FILE@metar=METARS."
+        help="Airspace in addition to that of the scenario: ED-269, ED-318, GeoJSON, OpenAir, KML; repeatable. The pressure can be appended: FILE@Q1013, FILE@Q1013,15C, FILE@metar=METARS."
     ),
 ]
 Authorized = Annotated[

@@ -15,13 +15,13 @@ class CrewOptions:
 
     vans: Annotated[
         Path | None,
-        typer.Option(help="Vans with pads: where each stands from when until when (CSV, GeoJSON)."),
+        typer.Option(help="Vans with pads: places and times of each (CSV, GeoJSON)."),
     ] = None
     reorder: Annotated[
         bool,
         typer.Option(
             "--reorder",
-            help="Fly independent parts (survey lines, inspected places) in the order that ends first, and show a bound.",
+            help="Fly independent parts (survey lines, inspected places) in the order that finishes earliest, and show a lower bound.",
         ),
     ] = False
     packs: Annotated[
@@ -29,7 +29,7 @@ class CrewOptions:
         typer.Option(help="Number of batteries, including the one in the drone. Default: as many as necessary."),
     ] = None
     chargers: Annotated[
-        int | None, typer.Option(help="How many of the batteries of --packs are charged at a time. Default: 1.")
+        int | None, typer.Option(help="Number of batteries of --packs charged at a time. Default: 1.")
     ] = None
     ledger: Annotated[
         str | None,
@@ -40,10 +40,10 @@ class CrewOptions:
     ground_time: Annotated[
         float | None,
         typer.Option(
-            help="Seconds on the ground at each stop beside waiting, charging and changing: upload, list, arming. Default: 20."
+            help="Seconds on the ground at each stop besides waiting, charging and changing: upload, list, arming. Default: 20."
         ),
     ] = None
     drones: Annotated[
         int,
-        typer.Option(help="How many drones share the mission and its pads, at once.", min=1, max=20),
+        typer.Option(help="Number of drones that share the mission and its pads.", min=1, max=20),
     ] = 1

@@ -17,7 +17,7 @@ OBSERVED_HELP = (
     "Wind observed before the departure: SITE=SPEED@FROM[@TIME] (m/s@degrees FROM, at the site's anemometer), or a file: METARs, a table, "
     "a journal of fly; repeatable."
 )
-FORECAST_HELP = "Weather forecast, of any form that skyway weather reads (GRIB, NetCDF, Open-Meteo, TAF, CSV), or a folder of them; repeatable."
+FORECAST_HELP = "Weather forecast, in any format that skyway weather reads (GRIB, NetCDF, Open-Meteo, TAF, CSV), or a folder of them; repeatable."
 ERROR_HELP = "Error of such forecasts by lead time, from skyway weather verify -o. Default: published figures."
 _PLACE = "station id, part of its name, or lat,lon."
 
@@ -42,7 +42,7 @@ class RequestOptions(Delivery):
     not_before: Annotated[
         str | None,
         typer.Option(
-            help="The package does not arrive before, with UTC offset: the drone waits on the ground (planners with a forecast)."
+            help="Earliest arrival of the package, with UTC offset: the drone waits on the ground (planners with a forecast)."
         ),
     ] = None
     stop_at: Annotated[
@@ -66,15 +66,15 @@ class RequestOptions(Delivery):
     if_undelivered: Annotated[
         str | None,
         typer.Option(
-            help="Where the package goes if it cannot be handed over, with the charge for it kept: back, or a station.",
+            help="Destination of a package that cannot be handed over: back, or a station; the charge for that flight is reserved.",
             autocompletion=completion.stations,
         ),
     ] = None
     release: Annotated[
         Release,
         typer.Option(
-            help="How the package leaves the drone: it lands and a gripper opens, or a person takes it off by hand; or it hovers, and a winch lowers it, "
-            "or it places it on the ground (ArduPilot): then it does not land there."
+            help="How the package is released: after a landing, by the gripper or by hand; or without a landing, lowered by a winch, or placed on "
+            "the ground (ArduPilot)."
         ),
     ] = "gripper"
 
@@ -94,7 +94,7 @@ class ConditionOptions(Conditions):
         str | None,
         typer.Option(
             "--actual-wind",
-            help="The wind that will really blow, for planners with perfect information: a day of the record (2013-07-10) or a forecast file with one member.",
+            help="True wind, for planners with perfect information: a day of the record (2013-07-10) or a forecast file with one member.",
         ),
     ] = None
 
@@ -122,5 +122,7 @@ class PadOptions(Pads):
 
     pads: Annotated[
         str | None,
-        typer.Option(help="Pads busy now: a pad service tcp:HOST:PORT, asked once, or a file of its answers."),
+        typer.Option(
+            help="Present state of the pads: a pad service tcp:HOST:PORT, read once, or a file of its answers."
+        ),
     ] = None

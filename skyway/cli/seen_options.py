@@ -24,11 +24,11 @@ class Seen:
     traffic: Annotated[
         Literal["tell", "hold", "land"],
         typer.Option(
-            help="When another aircraft (ADS-B) comes near: tell (only report it), hold in the air, or land at the nearest station; the drone flies on when the sky is clear."
+            help="When another aircraft (ADS-B) comes near: tell (only report it), hold in the air, or land at the nearest station; the drone continues when no aircraft is near."
         ),
     ] = "tell"
     traffic_within: Annotated[
-        str, typer.Option(help="What is near, M,HEIGHT_M: so far away, and so much higher or lower.")
+        str, typer.Option(help="Distance and height difference within which an aircraft is near: M,HEIGHT_M.")
     ] = "3000,300"
     operator_id: Annotated[
         str | None,
@@ -39,10 +39,10 @@ class Seen:
     ] = None
     self_id: Annotated[
         str | None,
-        typer.Option(help="Remote ID: what the flight is for, up to 23 letters. Default: the scenario's."),
+        typer.Option(help="Remote ID: purpose of the flight, up to 23 letters. Default: the scenario's."),
     ] = None
     operator_at: Annotated[
-        str | None, typer.Option(help="Remote ID: where the operator is, LAT,LON. Default: the place of take-off.")
+        str | None, typer.Option(help="Remote ID: position of the operator, LAT,LON. Default: the place of take-off.")
     ] = None
 
     def rule(self) -> TrafficRule:

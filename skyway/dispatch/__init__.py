@@ -1,1 +1,1 @@
-"""The service that flies a fleet: a dispatcher that plans and books, and workers that supervise flights."""
+"""The service of a fleet: a dispatcher that plans and books, and workers that supervise flights."""

@@ -1,4 +1,4 @@
-"""Pads of a flight of a fleet: those that it has booked, within its booked windows."""
+"""Pads of one flight of a fleet: those that it has booked, within their booked windows."""
 
 from __future__ import annotations
 
@@ -14,36 +14,36 @@ if TYPE_CHECKING:
     from skyway.models.queues.pad_service import PadService, StationStatus
 
 EARLY_S = 1.0
-"""A charge may begin so much before its window."""
+"""Time before its window from which a charge may begin, s."""
 
 
 class BookedPads:
     """A pad service in which a drone does not come onto a pad before its window; satisfies `models.queues.pad_service.PadService`.
 
-    Who is late asks for a pad as anybody: whether one is free, the pads themselves know.
+    A drone that is late requests a pad like any other: the pad service decides whether one is free.
     """
 
     def __init__(self, pads: PadService, steps: tuple[PlanStep, ...], posix_s: Callable[[], float]) -> None:
         self._pads, self._posix_s = pads, posix_s
         self._windows = [one for one in steps if one.kind == "charge" and one.pad is not None]
         self.charged_s = -math.inf
-        """When the charge under way is done, as far as the pad says, POSIX seconds."""
+        """End of the present charge, as reported by the pad, POSIX seconds."""
 
     def status(self, station: str) -> StationStatus:
-        """Return the pads of a station now."""
+        """Return the present state of the pads of a station."""
         return self._pads.status(station)
 
     def charge(self, station: str, drone: str, to_soc: float) -> DroneOnPad:
-        """Ask for a pad and charging; before its window the drone waits beside the pad."""
+        """Request a pad and charging; before its window the drone waits beside the pad."""
         window = next((one for one in self._windows if one.origin == station), None)
         if window is not None and self._posix_s() < window.begin_s - EARLY_S:
             return DroneOnPad(drone=drone, state="waiting", to_soc=to_soc, pad_free_s=window.begin_s)
-        told = self._pads.charge(station, drone, to_soc)
-        known_s = told.pad_free_s if told.state == "waiting" else told.done_s
+        on_pad = self._pads.charge(station, drone, to_soc)
+        known_s = on_pad.pad_free_s if on_pad.state == "waiting" else on_pad.done_s
         self.charged_s = -math.inf if known_s is None else known_s
-        return told
+        return on_pad
 
     def release(self, station: str, drone: str) -> DroneOnPad:
-        """Give the pad back; its window is over."""
+        """Release the pad; its window is over."""
         self._windows, self.charged_s = [one for one in self._windows if one.origin != station], -math.inf
         return self._pads.release(station, drone)

@@ -1,4 +1,4 @@
-"""The demonstration of a fleet: random drones and orders, flown by a separate service and shown on the page."""
+"""Demonstration of a fleet: random drones and orders, flown by a separate service and shown on the page."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ LEDGER, ORDERS, FLEET, OUTPUT = "fleet.db", "orders.csv", "fleet.csv", "run.out"
 JOURNALS = "flights"
 DUE_MIN = (90.0, 120.0, 150.0)
 NOTICE_MIN = 10.0
-"""Orders come so long before they are ready."""
+"""Time between the arrival of an order and its earliest pick-up, min."""
 URGENT = 0.2
 """Share of the orders that have priority 1."""
 
@@ -55,15 +55,15 @@ class FleetDemo:
     drones: int = 50
     rate_per_h: float = 60.0
     hours: float = 1.0
-    """For so long orders come, at this rate."""
+    """Duration of the arrival of orders, h; and their rate."""
     workers: int = 2
     seed: int = 1
     begin: datetime = field(default_factory=_begin)
-    """By default the hour of the demonstration of one delivery."""
+    """By default the hour of the demonstration of a single delivery."""
 
 
 def draw(demo: FleetDemo) -> tuple[str, str]:
-    """Return files of drones and of orders, as CSV: orders from one station with pads to another that is near."""
+    """Draw files of drones and of orders, as CSV: orders from one station with pads to another nearby."""
     scenario = load_scenario(None)
     vehicles = drones_of(scenario, DRONE, demo.drones, demo.seed, 0)
     demand = Demand(most_per_h=demo.rate_per_h, hours=demo.hours)
@@ -99,9 +99,9 @@ def _csv(names: Sequence[str], rows: Sequence[Sequence[object]]) -> str:
 
 
 def run_demo(demo: FleetDemo, say: Callable[[str], None], *, show: Callable[[str], None] | None = None) -> None:
-    """Fly the fleet: as long as `show` shows it, which is told the path of its page, or to its end where there is none.
+    """Fly the fleet: while `show`, which receives the path of its page, runs; or to its end without it.
 
-    All that it starts ends with this program, also where that is killed.
+    All processes that it starts end with this program, also if that is killed.
     """
     folder = demo.folder
     if (folder / LEDGER).exists():
@@ -141,7 +141,7 @@ def run_demo(demo: FleetDemo, say: Callable[[str], None], *, show: Callable[[str
 
 
 def how_it_ended(ledger: Path) -> list[str]:
-    """Return what became of the orders, and what the audit of the ledger's history says."""
+    """Return the outcome of the orders, and that of the audit of the ledger's history."""
     with open_ledger(str(ledger)) as book:
         status = status_of(Desk(book, "dispatch"))
         wrong = audit(book)
@@ -155,7 +155,7 @@ def how_it_ended(ledger: Path) -> list[str]:
 
 
 def _end_world(address: Path) -> None:
-    """End the simulated world, and with it the workers; where the service has ended by itself it is gone already."""
+    """End the simulated world, and with it the workers; it is already gone if the service has ended by itself."""
     with suppress(LinkLostError, OSError):
         world = LockstepClient(address.read_text(encoding="ascii").strip(), "demonstration")
         with closing(world):
@@ -163,7 +163,7 @@ def _end_world(address: Path) -> None:
 
 
 def _remove_last(folder: Path) -> None:
-    """Remove what the demonstration before has left; nothing else that may be in the folder."""
+    """Remove the files of the previous demonstration; nothing else that may be in the folder."""
     for one in (LEDGER, f"{LEDGER}-wal", f"{LEDGER}-shm", ORDERS, FLEET, OUTPUT):
         (folder / one).unlink(missing_ok=True)
     shutil.rmtree(folder / JOURNALS, ignore_errors=True)

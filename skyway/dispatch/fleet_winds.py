@@ -1,4 +1,4 @@
-"""Winds that drones measure, shared with neighbouring drones and with the dispatcher."""
+"""Winds measured by drones, shared with neighbouring drones and with the dispatcher."""
 
 from __future__ import annotations
 
@@ -19,17 +19,17 @@ if TYPE_CHECKING:
     from skyway.models.wind.ensemble import WindEnsemble
 
 KEPT_S = 3600.0
-"""Older measurements tell others nothing."""
+"""Greatest age of a measurement used by others, s."""
 RENEWED_S = 600.0
-"""So often the dispatcher brings its forecast up to date."""
+"""Interval of forecast updates of the dispatcher, s."""
 EXPECTED_VARIANCE = 0.25
-"""Of a component that a drone of known drag measures over some minutes, m2/s2."""
+"""Variance of a wind component that a drone of known drag measures over some minutes, m2/s2."""
 NOBODY = -1
-Told = tuple[float, float, float, float, float, float]
+WindRecord = tuple[float, float, float, float, float, float]
 
 
-def told_of(measured: Sequence[WindObservation]) -> Told | None:
-    """Return the last of some measurements as a record keeps it."""
+def last_of(measured: Sequence[WindObservation]) -> WindRecord | None:
+    """Return the last of some measurements in the form of a record."""
     if not measured:
         return None
     one = max(measured, key=lambda each: each.time_s)
@@ -37,31 +37,31 @@ def told_of(measured: Sequence[WindObservation]) -> Told | None:
 
 
 class FleetWinds:
-    """What each drone has measured last; for several threads."""
+    """Last measurement of each drone; thread-safe."""
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
         self._last: dict[int, WindObservation] = {}
 
     def tell(self, system: int, measured: Sequence[WindObservation]) -> None:
-        """Take what a drone has measured; its last one counts."""
+        """Take the measurements of a drone; the last one counts."""
         if measured:
             with self._lock:
                 known = [self._last[system]] if system in self._last else []
                 self._last[system] = max([*known, *measured], key=lambda one: one.time_s)
 
     def hear(self, flights: Iterable[FlightRecord]) -> None:
-        """Take what flights have told."""
+        """Take the measurements in flight records."""
         for one in flights:
             if one.progress is not None and one.progress.wind is not None:
                 self.tell(one.system, [WindObservation(*one.progress.wind)])
 
     def at(self, at_s: float) -> tuple[WindObservation, ...]:
-        """What drones have measured by an instant, POSIX seconds, and not long before."""
+        """Return the measurements of all drones up to an instant, POSIX seconds, and at most `KEPT_S` old."""
         return self.of_others(NOBODY, at_s)
 
     def of_others(self, system: int, at_s: float, own_until_s: float = -math.inf) -> tuple[WindObservation, ...]:
-        """What the other drones have measured by an instant, POSIX seconds, and not long before, and this one before its flight began."""
+        """Return the measurements of the other drones up to an instant, POSIX seconds, at most `KEPT_S` old; and of this one before its flight began."""
         with self._lock:
             last = sorted(self._last.items())
         return tuple(
@@ -72,28 +72,28 @@ class FleetWinds:
 
 
 class FleetForecast:
-    """The forecast as a dispatcher plans with it: with what its drones have measured, and the margins that flights need in it to be begun."""
+    """The dispatcher's forecast: updated with its drones' measurements, and with the departure margins that it implies."""
 
     def __init__(self, region: Region) -> None:
         self._region, self._winds = region, FleetWinds()
-        self._made_s, self._heard = -math.inf, False
+        self._made_s, self._measured = -math.inf, False
         self._known: tuple[WindEnsemble, dict[str, DepartureMargin]] | None = None
 
     def hear(self, flights: Iterable[FlightRecord]) -> None:
-        """Take what flights have told."""
+        """Take the measurements in flight records."""
         self._winds.hear(flights)
 
     def at(self, now_s: float) -> tuple[WindEnsemble, dict[str, DepartureMargin]]:
-        """Return the forecast that is known at an instant, POSIX seconds, and the margin of each type of drone.
+        """Return the forecast known at an instant, POSIX seconds, and the margin of each type of drone.
 
-        The margin is that of flights that begin once a drone has measured the wind, soon after the first take-off; until then what is
-        expected stands for what will be measured.
+        The margin is that of flights that begin after a drone has measured the wind, soon after the first take-off; until then the
+        expected wind replaces the future measurement.
         """
         forecast = self._region.forecast(now_s)
         measured = [one for one in self._winds.at(now_s) if one.time_s >= forecast.start_s]
-        first = bool(measured) and not self._heard
+        first = bool(measured) and not self._measured
         if self._known is None or first or now_s >= self._made_s + RENEWED_S:
-            self._made_s, self._heard = now_s, bool(measured)
+            self._made_s, self._measured = now_s, bool(measured)
             known = self._updated(forecast, measured)
             then = known if measured else self._updated(forecast, [_as_expected(known, now_s)])
             self._known = known, self._margins(then, now_s)
@@ -120,7 +120,7 @@ class FleetForecast:
 
 
 def _as_expected(forecast: WindEnsemble, now_s: float) -> WindObservation:
-    """Return the mean of a forecast amid its sites as a drone would measure it."""
+    """Return the mean of a forecast at the centre of its sites in the form of a measurement."""
     lat, lon = float(forecast.site_lat.mean()), float(forecast.site_lon.mean())
     north, east = forecast.wind_at(lat, lon, forecast.slot_at(now_s))
     mean = float(forecast.probability @ north), float(forecast.probability @ east)

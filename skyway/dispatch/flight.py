@@ -9,7 +9,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from skyway.dispatch.booked_pads import BookedPads
-from skyway.dispatch.fleet_winds import told_of
+from skyway.dispatch.fleet_winds import last_of
 from skyway.dispatch.records import WITH_PACKAGE, End, Progress
 from skyway.flying import request_of
 from skyway.link.protocol.connection import Connection
@@ -28,10 +28,10 @@ if TYPE_CHECKING:
     from skyway.link.supervisor.context import Context
     from skyway.models.ledger.desk import Entry
 
-TELL_EVERY_S, TELL_LATE_S = 60.0, 30.0
-"""How often a flight tells how far it is; at once where its state changes, or it is later by so much."""
+RECORD_EVERY_S, RECORD_LATE_S = 60.0, 30.0
+"""Interval of progress records, s; an additional one when the state changes, or the delay grows by the second value."""
 ALONE_S, AGAIN_S = 120.0, 5.0
-"""So long it waits for another process that still speaks with its vehicle, and how often it listens whether that does."""
+"""Longest wait for another process that still sends commands to its vehicle, and interval of the checks, s."""
 NOT_TOLD = frozenset({State.REPLANNING, State.PREFLIGHT, State.UPLOADING, State.READY, State.ARMING})
 
 
@@ -40,12 +40,12 @@ class Flight:
 
     def __init__(self, worker: Worker, entry: Entry, record: FlightRecord) -> None:
         self._worker, self._entry, self._record = worker, entry, record
-        self._told = Progress(at_s=-math.inf, state="")
+        self._last = Progress(at_s=-math.inf, state="")
         self._pads: BookedPads | None = None
         self._thread = threading.Thread(target=self._run, daemon=True, name=f"flight {entry.id}")
 
     def start(self) -> None:
-        """Begin, or go on."""
+        """Begin, or continue."""
         self._thread.start()
 
     @property
@@ -58,11 +58,11 @@ class Flight:
         try:
             world = LockstepClient(self._worker.service.world, f"flight {self._entry.id}", system=record.system)
         except LinkError:
-            return  # looked at again
+            return  # checked again
         try:
             self._fly(world)
         except (FencedError, VersionError):
-            pass  # another has taken it over
+            pass  # another process has taken it over
         except SkywayError as error:
             self._give_up(world, str(error))
         finally:
@@ -107,7 +107,7 @@ class Flight:
             journal.close()
 
     def _alone(self, world: LockstepClient) -> Vehicle:
-        """Connect; where the process that had this flight before still speaks with the vehicle in our name, wait for its end."""
+        """Connect; if the process that had this flight before still sends to the vehicle under our id, wait for its end."""
         until_s = world.now_s() + ALONE_S
         while True:
             connection = Connection(world, world)
@@ -117,31 +117,31 @@ class Flight:
                 return vehicle
             world.sleep_until(world.now_s() + AGAIN_S)
 
-    # Telling
+    # Progress
 
     def _tell(self, ctx: Context) -> None:
-        """Write how far it is, where that is news; say nothing more to the vehicle where another process has the flight."""
+        """Write the progress if it has changed; send nothing more to the vehicle if another process has the flight."""
         if self._worker.leases.kept(self._entry.keeper) is None:
             raise FencedError(f"the lease of {self._entry.keeper} is lost")
         late_s = self._late_s(ctx)
-        told = self._told
+        last = self._last
         state = "preparing" if ctx.state in NOT_TOLD else str(ctx.state)
-        news = state != told.state or abs(late_s - told.late_s) >= TELL_LATE_S
-        if not (news or ctx.now_s >= told.at_s + TELL_EVERY_S):
+        news = state != last.state or abs(late_s - last.late_s) >= RECORD_LATE_S
+        if not (news or ctx.now_s >= last.at_s + RECORD_EVERY_S):
             return
         place, soc = ctx.place, ctx.battery.soc
         progress = Progress(
             at_s=ctx.now_s, state=state, flights=ctx.delivery.flight, station=ctx.delivery.station,
-            soc=soc if math.isfinite(soc) else None, late_s=late_s, since_s=ctx.now_s if state != told.state else told.since_s,
+            soc=soc if math.isfinite(soc) else None, late_s=late_s, since_s=ctx.now_s if state != last.state else last.since_s,
             lat=None if place is None else place[0], lon=None if place is None else place[1],
-            wind=told_of(ctx.wind.measured),
+            wind=last_of(ctx.wind.measured),
         )  # fmt: skip
-        self._told = self._record.progress = progress
+        self._last = self._record.progress = progress
         self._worker.winds.tell(self._record.system, ctx.wind.measured)
         self._entry = self._worker.change(self._entry, "flying", self._record)
 
     def _late_s(self, ctx: Context) -> float:
-        """How far behind its plan: by when the flight under way lands, or by the take-off that is due."""
+        """Delay against the plan, s: by the expected landing of the present flight, or by the due take-off."""
         flights = [one for one in self._record.steps if one.kind == "fly"]
         number = ctx.delivery.flight
         leg = ctx.delivery.leg
@@ -167,7 +167,7 @@ class Flight:
         self._entry = self._worker.change(self._entry, "ended", record)
 
     def _give_up(self, world: LockstepClient, why: str) -> None:
-        """End a flight that cannot be supervised: a person must look at it."""
+        """End a flight that cannot be supervised: a person must inspect it."""
         record = self._record
         record.end = End(
             at_s=world.posix_s(), state="not supervised", reason=why, station=None, soc=None, arrived=False,

@@ -1,6 +1,6 @@
 """The HTTP API of a service: takes orders and reports the status; described by OpenAPI at ``/openapi.json``.
 
-It reads and writes the desk alone, so it is as true as the ledger, and may be asked while the dispatcher plans.
+It only reads and writes the desk, so it agrees with the ledger, and answers while the dispatcher plans.
 """
 
 from __future__ import annotations
@@ -38,15 +38,15 @@ class NewOrder(BaseModel):
     origin: str = Field(alias="from", description="Station id, part of its name, or lat,lon.")
     to: str = Field(description="Station id, part of its name, or lat,lon.")
     mass_kg: float = Field(description="Mass of the package, kg.")
-    ready: str = Field(description="It can be fetched from then on; ISO 8601 with UTC offset.")
-    due: str = Field(description="It should be there by then; ISO 8601 with UTC offset.")
+    ready: str = Field(description="Earliest pick-up; ISO 8601 with UTC offset.")
+    due: str = Field(description="Due time of the delivery; ISO 8601 with UTC offset.")
     kind: str = ""
     priority: int = 0
     value: float | None = None
 
 
 class OrderStatus(BaseModel):
-    """What has become of an order."""
+    """State of an order."""
 
     id: str
     state: str = Field(description="new, promised, under way, aboard, delivered, refused, or handed to a person.")
@@ -58,27 +58,25 @@ class OrderStatus(BaseModel):
     ready: str
     due: str
     drone: str | None
-    promised: str | None = Field(description="When it will be delivered, as promised now.")
-    chance: float | None = Field(
-        description="Probability that it is there by when it is due, as the plan was flown in many worlds."
-    )
-    p50: str | None = Field(description="It is there by then with a probability of one half.")
-    p95: str | None = Field(description="It is there by then with a probability of 0.95.")
+    promised: str | None = Field(description="Promised delivery time.")
+    chance: float | None = Field(description="Probability of delivery by the due time, from simulations of the plan.")
+    p50: str | None = Field(description="Median of the delivery time.")
+    p95: str | None = Field(description="95 % quantile of the delivery time.")
     first_promised: str | None
-    changes: int = Field(description="How often the promise was changed.")
+    changes: int = Field(description="Number of changes of the promise.")
     delivered: str | None
-    place: str = Field(description="Where the package is, or was fetched.")
-    reason: str = Field(description="Why it is refused, waits, or was handed to a person.")
+    place: str = Field(description="Place of the package, or of its pick-up.")
+    reason: str = Field(description="Reason for a refusal, a wait, or a hand-over to a person.")
 
 
 class Problem(BaseModel):
-    """Why a request was refused: one line for each fault."""
+    """Reason for the refusal of a request: one line for each fault."""
 
     problems: list[str]
 
 
 def application(ledger: str, dispatcher: str, *, token: str | None = None) -> FastAPI:
-    """Return the API of a dispatcher as an ASGI application; with a token, who asks must have it (``Authorization: Bearer …``)."""
+    """Return the API of a dispatcher as an ASGI application; with a token, requests must carry it (``Authorization: Bearer …``)."""
     api = FastAPI(title="skyway dispatch", version="1", description=__doc__ or "", docs_url=None, redoc_url=None)
     refused: dict[int | str, dict[str, Any]] = {422: {"model": Problem}, 404: {"model": Problem}}
 
@@ -89,7 +87,7 @@ def application(ledger: str, dispatcher: str, *, token: str | None = None) -> Fa
     async def guarded(request: Request, call_next: Callable[[Request], Awaitable[Response]]) -> Response:
         host = request.headers.get("host", "").rpartition(":")[0] or request.headers.get("host", "")
         if token is None and host.strip("[]") not in LOOPBACK:
-            return JSONResponse({"problems": ["asked under the name of another host"]}, 403)
+            return JSONResponse({"problems": ["the request names another host"]}, 403)
         if token is not None:
             given = request.headers.get("authorization", "").removeprefix("Bearer ")
             if not hmac.compare_digest(given.encode(), token.encode()):
@@ -109,7 +107,7 @@ def application(ledger: str, dispatcher: str, *, token: str | None = None) -> Fa
 
     @api.post("/orders", status_code=201, response_model=OrderStatus, responses=refused)
     def add_order(order: NewOrder) -> dict[str, Any]:
-        """Take an order; it is on the desk when the answer comes."""
+        """Take an order; it is on the desk when the answer is sent."""
         values = {
             "id": order.id,
             "from": order.origin,
@@ -125,34 +123,34 @@ def application(ledger: str, dispatcher: str, *, token: str | None = None) -> Fa
         place = desk()
         with place.ledger:
             put_order(place, one)
-            return _told(place, order.id)
+            return _order_status(place, order.id)
 
     @api.get("/orders", response_model=list[OrderStatus])
     def list_orders() -> list[dict[str, Any]]:
-        """Tell of all orders."""
+        """Return all orders."""
         place = desk()
         with place.ledger:
             return [order_document(name, state, one) for name, (state, one) in status_of(place).orders.items()]
 
     @api.get("/orders/{order_id}", response_model=OrderStatus, responses=refused)
     def get_order(order_id: str) -> dict[str, Any]:
-        """Tell of one order."""
+        """Return one order."""
         place = desk()
         with place.ledger:
             if place.get("order", order_id) is None:
                 raise HTTPException(404, {"problems": [f"there is no order {order_id}"]})
-            return _told(place, order_id)
+            return _order_status(place, order_id)
 
     @api.get("/status")
     def status() -> dict[str, Any]:
-        """Tell how the service stands (``skyway.fleet-status/1``)."""
+        """Return the status of the service (``skyway.fleet-status/1``)."""
         place = desk()
         with place.ledger:
             return document_of(status_of(place))
 
     @api.get("/metrics", response_class=PlainTextResponse)
     def metrics() -> str:
-        """Tell figures in the text format of Prometheus."""
+        """Return figures in the text format of Prometheus."""
         place = desk()
         with place.ledger:
             return prometheus(status_of(place))
@@ -160,7 +158,7 @@ def application(ledger: str, dispatcher: str, *, token: str | None = None) -> Fa
     return api
 
 
-def _told(desk: Desk, order: str) -> dict[str, Any]:
+def _order_status(desk: Desk, order: str) -> dict[str, Any]:
     from skyway.dispatch.records import OrderRecord, read
 
     entry = desk.get("order", order)
@@ -170,7 +168,7 @@ def _told(desk: Desk, order: str) -> dict[str, Any]:
 
 
 def serve_in_background(ledger: str, dispatcher: str, where: str) -> str:
-    """Serve the API at ``HOST:PORT`` in a thread of its own; returns its address. Beyond this machine a token is needed."""
+    """Serve the API at ``HOST:PORT`` in a separate thread; return its address. A token is required unless only this machine has access."""
     import uvicorn
 
     host, _, port = where.rpartition(":")

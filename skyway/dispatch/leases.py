@@ -17,13 +17,13 @@ if TYPE_CHECKING:
     from skyway.models.ledger.ledger import Lease
 
 AGAIN_S = 0.1
-"""A database that is away is tried again so often, of the wall's time."""
+"""Interval of attempts to reach an unavailable database, s of wall time."""
 SHARE = 3.0
-"""A lease is renewed so often within its time."""
+"""Number of renewals within the lifetime of a lease."""
 
 
 class KeptLeases:
-    """Leases of one process, renewed until they are lost or given back; for several threads.
+    """Leases of one process, renewed until they are lost or returned; thread-safe.
 
     Parameters
     ----------
@@ -32,7 +32,7 @@ class KeptLeases:
     owner : str
         This process.
     ttl_s : float
-        How long a lease holds on without being renewed.
+        Lifetime of a lease without renewal.
     """
 
     def __init__(self, ledger: str, owner: str, ttl_s: float) -> None:
@@ -46,7 +46,7 @@ class KeptLeases:
         self._thread.start()
 
     def take(self, holder: str) -> Lease:
-        """Take the lease of a holder, and keep it; a `FencedError` says that another process has it, a `LedgerError` that the database is away: try again."""
+        """Take the lease of a holder, and keep it; a `FencedError`: another process has it; a `LedgerError`: the database is unavailable, try again."""
         with self._lock:
             try:
                 lease = self._ledger.acquire(holder, self.owner, self.ttl_s)
@@ -58,22 +58,22 @@ class KeptLeases:
 
     @property
     def noticed_s(self) -> float:
-        """Time of the wall after which another process that had a lease knows that it is lost: it has tried to renew it since."""
+        """Wall time after which another process that had a lease knows that it is lost: it has tried to renew it since."""
         return self.ttl_s / SHARE + AGAIN_S
 
     def kept(self, holder: str) -> Lease | None:
-        """Return the lease of a holder; None where it is not, or no longer, ours."""
+        """Return the lease of a holder; None if this process does not have it, or has lost it."""
         with self._lock:
             return self._kept.get(holder)
 
     @property
     def holders(self) -> tuple[str, ...]:
-        """Whose leases are kept."""
+        """Return the holders whose leases are kept."""
         with self._lock:
             return tuple(self._kept)
 
     def confirm(self, holder: str) -> None:
-        """Refuse, with a `FencedError`, what is about to be commanded where the lease is no longer ours, as the ledger has it now."""
+        """Refuse a command, with a `FencedError`, if the ledger shows that the lease now belongs to another process."""
         with self._lock:
             lease = self._kept.get(holder)
             if lease is None:
@@ -85,7 +85,7 @@ class KeptLeases:
                 except FencedError:
                     self._kept.pop(holder, None)
                     raise
-                except LedgerError as error:  # a database that is back within the time of the lease interrupts nothing
+                except LedgerError as error:  # an outage shorter than the lease interrupts nothing
                     if time.monotonic() >= end_s:
                         self._kept.pop(holder, None)
                         raise FencedError(f"the lease of {holder} cannot be confirmed: {error}") from error
@@ -95,7 +95,7 @@ class KeptLeases:
                     return
 
     def give_back(self, holders: Iterable[str]) -> None:
-        """Give some leases back, so that others may take them at once."""
+        """Return some leases, so that others can take them at once."""
         with self._lock:
             for holder in holders:
                 lease = self._kept.pop(holder, None)
@@ -111,9 +111,7 @@ class KeptLeases:
                         self._kept[holder] = self._ledger.renew(lease, self.ttl_s)
                     except FencedError:
                         self._kept.pop(holder, None)
-                    except (
-                        SkywayError
-                    ):  # the database is away: the lease holds on for its time, and is renewed or lost later
+                    except SkywayError:  # database unavailable: the lease is renewed or lost later
                         self._reopen()
 
     def _reopen(self) -> None:
@@ -125,7 +123,7 @@ class KeptLeases:
         self._ledger = fresh
 
     def close(self) -> None:
-        """Give all leases back, and end."""
+        """Return all leases, and end."""
         self._end.set()
         self._thread.join()
         with self._lock:

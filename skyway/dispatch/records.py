@@ -17,10 +17,10 @@ if TYPE_CHECKING:
 
 OPEN = ("new", "promised", "under way", "aboard")
 CLOSED = ("delivered", "refused", "handed to a person")
-"""States of orders: every order ends in one of the closed ones. ``under way``: a drone flies to it or with it; ``aboard``: it is in a drone that
+"""Closed states of orders; every order ends in one of them. Of the others: ``under way``: a drone flies to it or with it; ``aboard``: it is in a drone that
 stands somewhere on its way."""
 ACTIVE = ("ordered", "flying")
-"""States of flights that are not over; ``ended`` ones are looked at by the dispatcher, and then ``closed``."""
+"""States of flights that are not over; the dispatcher processes ``ended`` ones, which are then ``closed``."""
 STANDING, FLYING, LOST = "standing", "flying", "lost"
 """States of drones; a lost one waits for a person."""
 WITH_PACKAGE, TO_PACKAGE, HOME = "with the package", "to the package", "home"
@@ -32,26 +32,26 @@ class ServiceRecord(msgspec.Struct, kw_only=True):
     """Start options of the service, for a resume."""
 
     begin_s: float
-    """When it began, POSIX seconds of its own time."""
+    """Start of the service, POSIX seconds of its own time."""
     folder: str
-    """Where journals and outputs are."""
+    """Folder of journals and outputs."""
     ledger: str
     scenario: str | None = None
     wind: str | None = None
     actual_wind: str | None = None
-    """As typed: what is expected, and what blows in the simulated world."""
+    """As given on the command line: the forecast, and the wind of the simulated world."""
     world: str = ""
     """``HOST:PORT`` of the simulated world."""
     reserve: float = 0.2
     workers: int = 1
     ttl_s: float = 10.0
-    """Of leases, of the wall's time."""
+    """Lifetime of leases, s of wall time."""
     settings: list[str] = []
     seed: int = 1
     strangers: bool = True
-    """Of the simulated world: its seed, and whether others charge, too."""
+    """Of the simulated world: its seed, and whether other drones charge, too."""
     drags: dict[str, DragModel] = {}
-    """By drone type: by it the tilt of a drone measures the wind."""
+    """Drag by drone type, for the wind from the tilt of a drone."""
 
 
 class Promise(msgspec.Struct, kw_only=True):
@@ -62,23 +62,23 @@ class Promise(msgspec.Struct, kw_only=True):
     delivered_s: float
     """POSIX seconds."""
     chance: float | None = None
-    """Probability that it is there by when it is due, as the plan was flown in many worlds."""
+    """Probability of delivery by the due time, from simulations of the plan."""
     p50_s: float | None = None
     p95_s: float | None = None
-    """It is there by then with these probabilities, POSIX seconds; None where it is not in so many worlds."""
+    """Quantiles of the delivery time, POSIX seconds; None if it is not delivered in as many simulations."""
 
 
 class OrderRecord(msgspec.Struct, kw_only=True):
-    """An order and what has become of it."""
+    """An order and its state."""
 
     order: Order
     place: str
-    """Where its package is, while it is in no drone."""
+    """Place of its package, while that is in no drone."""
     drone: str | None = None
-    """Which drone flies to it, or has it aboard."""
+    """Drone that flies to it, or has it on board."""
     promise: Promise | None = None
     first: Promise | None = None
-    """The newest promise, and the first one."""
+    """The present promise, and the first one."""
     changes: int = 0
     reason: str = ""
     delivered_s: float | None = None
@@ -106,28 +106,28 @@ class PlannedPart(msgspec.Struct, kw_only=True, frozen=True):
 
     @property
     def begin_s(self) -> float:
-        """When it begins, with a charge or a take-off."""
+        """Return its beginning, a charge or a take-off."""
         return self.steps[0].begin_s
 
     @property
     def end_s(self) -> float:
-        """When it has landed."""
+        """Return the time of its last landing."""
         return self.steps[-1].end_s
 
 
 class DroneRecord(msgspec.Struct, kw_only=True):
-    """A drone's state, now or after its flight."""
+    """State of a drone, now or after its flight."""
 
     vehicle: Vehicle
-    """As it was put on the desk."""
+    """As it was added to the desk."""
     system: int
     place: str
     soc: float
     flight: str | None = None
     aboard: str | None = None
-    """Order whose package is in it."""
+    """Order whose package is on board."""
     route: tuple[PlannedPart, ...] = ()
-    """What it does next."""
+    """Its next parts."""
     reason: str = ""
 
 
@@ -140,13 +140,14 @@ class Progress(msgspec.Struct, kw_only=True):
     station: str | None = None
     soc: float | None = None
     late_s: float = 0.0
-    """Behind its plan."""
+    """Delay against the plan."""
     since_s: float = 0.0
-    """When the state began."""
+    """Beginning of the state."""
     lat: float | None = None
     lon: float | None = None
     wind: tuple[float, float, float, float, float, float] | None = None
-    """Measured last, at cruise height: POSIX seconds, latitude and longitude, north and east (TOWARDS, m/s), variance."""
+    """Last wind measurement, at cruise height: POSIX seconds, latitude and longitude, north and east (TOWARDS,
+    m/s), variance."""
 
 
 class End(msgspec.Struct, kw_only=True):
@@ -158,11 +159,11 @@ class End(msgspec.Struct, kw_only=True):
     station: str | None
     soc: float | None
     arrived: bool
-    """It did what it was to: it stands where it was to be, and what it carried was released."""
+    """The flight reached its destination, and its package, if any, was released."""
     sure: bool = True
-    """What became of the package is known."""
+    """The outcome for the package is known."""
     aboard: bool = False
-    """The package is still in the drone."""
+    """The package is still on board."""
 
 
 class FlightRecord(msgspec.Struct, kw_only=True):
@@ -183,17 +184,17 @@ class FlightRecord(msgspec.Struct, kw_only=True):
 
     @property
     def begin_s(self) -> float:
-        """When it was to begin."""
+        """Planned beginning."""
         return self.steps[0].begin_s
 
     @property
     def end_s(self) -> float:
-        """When it was to be over."""
+        """Planned end."""
         return self.steps[-1].end_s
 
     @property
     def late_s(self) -> float:
-        """How far behind its plan it is, as far as that is told."""
+        """Reported delay against the plan."""
         return 0.0 if self.progress is None else self.progress.late_s
 
 
@@ -208,7 +209,7 @@ class PadRecord(msgspec.Struct, kw_only=True):
 
 
 class ChangeRecord(msgspec.Struct, kw_only=True):
-    """A promise that was changed."""
+    """A changed promise."""
 
     at_s: float
     order: str
@@ -218,12 +219,12 @@ class ChangeRecord(msgspec.Struct, kw_only=True):
 
 
 def written(value: msgspec.Struct) -> str:
-    """Return a document of a record."""
+    """Return the document of a record."""
     return msgspec.json.encode(value).decode()
 
 
 def read(entry: Entry, kind: type[T]) -> T:
-    """Read a record from its document; an `InputError` says that it is none."""
+    """Read a record from its document; an `InputError` if it is invalid."""
     try:
         return msgspec.json.decode(entry.document, type=kind)
     except (msgspec.DecodeError, RecursionError) as error:
@@ -233,7 +234,7 @@ def read(entry: Entry, kind: type[T]) -> T:
 
 
 class Board:
-    """The records of a desk as one program has read them, and the changes that it has yet to write."""
+    """The records of a desk as read by one program, and the changes that it has not yet written."""
 
     def __init__(self, desk: Desk) -> None:
         self.desk = desk
@@ -249,7 +250,7 @@ class Board:
         return found
 
     def change(self, kind: Kind, id: str, state: str, record: msgspec.Struct, *, keeper: str | None = None) -> None:  # noqa: A002
-        """Change a record, or put a new one down, with the next `write`."""
+        """Change a record, or add one, with the next `write`."""
         known = self._known.get((kind, id))
         keeper = keeper or (known.keeper if known is not None else self.desk.dispatcher)
         version = 0 if known is None else known.version
@@ -258,11 +259,11 @@ class Board:
             self._changed[kind, id] = entry
 
     def keeper(self, kind: Kind, id: str) -> str:  # noqa: A002
-        """Whose lease an entry is changed under."""
+        """Return the holder whose lease protects an entry."""
         return (self._changed.get((kind, id)) or self._known[kind, id]).keeper
 
     def count(self, kind: Kind) -> int:
-        """How many entries of a kind there are, those to be written included."""
+        """Return the number of entries of a type, with those not yet written."""
         return self.desk.count(kind) + sum(one.kind == kind and one.version == 0 for one in self._changed.values())
 
     def write(self, lease: Lease) -> None:
@@ -272,5 +273,5 @@ class Board:
             self._known[entry.kind, entry.id] = entry
 
     def forget_changes(self) -> None:
-        """Drop what was not written."""
+        """Drop the changes that were not written."""
         self._changed = {}

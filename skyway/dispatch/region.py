@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from skyway.planner.parameters.planner import PlannerParameters
 
 RENEWED_S = 6 * S_PER_H
-"""How often the forecast is taken again."""
+"""Interval of new forecasts, s."""
 NEVER_S = 1e6
 
 
@@ -35,17 +35,17 @@ class Region:
 
     @cached_property
     def planning(self) -> PlannerParameters:
-        """Parameters that the fleet is planned with."""
+        """Return the parameters of the fleet's planner."""
         return typed_values.planner_parameters(list(self.service.settings))
 
     @cached_property
     def flying(self) -> PlannerParameters:
-        """Parameters that flights are supervised with: who is planned with others does not look for a better station by itself."""
+        """Return the parameters of the supervisor: a flight of a fleet's plan does not look for a better station by itself."""
         known = self.planning
         return replace(known, online=replace(known.online, better_every_s=NEVER_S))
 
     def forecast(self, now_s: float) -> WindEnsemble:
-        """Return the forecast that is known at an instant, POSIX seconds."""
+        """Return the forecast known at an instant, POSIX seconds."""
         number = int(max(now_s - self.service.begin_s, 0.0) // RENEWED_S)
         return self._forecasts(number)
 
@@ -55,7 +55,7 @@ class Region:
 
     @property
     def _day(self) -> date | None:
-        """Day of the record whose wind blows; it is in no forecast."""
+        """Return the day of the record whose wind blows; it is in no forecast."""
         try:
             return date.fromisoformat(self.service.actual_wind or "")
         except ValueError:
@@ -74,5 +74,5 @@ class Region:
         return scenario
 
     def in_air(self, scenario: Scenario, now_s: float) -> Scenario:
-        """Return the scenario with the air of the forecast: its density, and what the cold leaves of a battery."""
+        """Return the scenario with the air density of the forecast, and the battery capacity at its temperature."""
         return fleet_in_air(scenario, self.forecast(now_s), now_s)

@@ -36,13 +36,13 @@ if TYPE_CHECKING:
     from skyway.models.orders.order import Order, Vehicle
 
 EVERY_S = 10.0
-"""How often the dispatcher looks, of its own time."""
+"""Interval of the dispatcher's steps, s of the service's time."""
 GRACE_S = 120.0
-"""The simulated world goes on for so long once the dispatcher was killed, before it waits for the next one."""
+"""Time for which the simulated world continues after the dispatcher was killed, before it waits for the next one, s."""
 WORLD_WALL_S = 60.0
-"""Longest time until a simulated world answers."""
+"""Longest wait until a simulated world answers, s of wall time."""
 TAKE_OVER_WALL_S = 120.0
-"""So long a dispatcher waits for the lease of one that has died."""
+"""Longest wait of a dispatcher for the lease of one that has died, s of wall time."""
 
 
 @dataclass(frozen=True)
@@ -64,22 +64,22 @@ class Options:
     plan_s: float = 2.0
     iterations: int = 10**9
     lasts_s: float | None = None
-    """It ends after so long, of its own time; None: once all orders are closed, and all drones stand."""
+    """Duration, s of the service's time; None: until all orders are closed, and all drones stand."""
     seed: int = 1
     strangers: bool = True
     settings: tuple[str, ...] = ()
     notice_s: float | None = None
-    """Orders come so long before they are ready; None: all at once, at the beginning."""
+    """Time between the arrival of orders and their earliest pick-up, s; None: all arrive at the beginning."""
     say: Callable[[str], None] = field(default=print)
 
 
 def put_order(desk: Desk, order: Order) -> None:
-    """Put an order on a desk; an `InputError` says that its id is there already."""
+    """Add an order to a desk; an `InputError` if its id exists already."""
     desk.put_down("order", order.id, "new", written(OrderRecord(order=order, place=order.origin)))
 
 
 class Service:
-    """A service that runs until its orders are closed, or its time is over."""
+    """A service that runs until its orders are closed, or its duration is over."""
 
     def __init__(self, options: Options) -> None:
         self.options = options
@@ -94,19 +94,19 @@ class Service:
         self.dispatcher = self._dispatcher()
 
     def _take_orders(self, now_s: float) -> None:
-        """Put down the orders that have come by then."""
+        """Add the orders that have arrived."""
         while self._coming and self._coming[0].ready.timestamp() - (self.options.notice_s or 0.0) <= now_s:
             order = self._coming.popleft()
-            if self._desk.get("order", order.id) is None:  # started again with the same file: it is there already
+            if self._desk.get("order", order.id) is None:  # restarted with the same file: the order exists already
                 put_order(self._desk, order)
 
     def _take_lease(self) -> None:
-        """Take the lease of the dispatcher; of one that was killed it runs out."""
+        """Take the lease of the dispatcher; that of a killed one must first expire."""
         end = time.monotonic() + TAKE_OVER_WALL_S
         while True:
             try:
                 self._token = self._leases.take(self.options.dispatcher).token
-            except (FencedError, LedgerError):  # it holds on for another, or the database is not back yet
+            except (FencedError, LedgerError):  # still leased, or database unavailable
                 if time.monotonic() >= end:
                     raise
                 time.sleep(0.1)
@@ -114,7 +114,7 @@ class Service:
                 return
 
     def _take_again(self, lost: FencedError) -> None:
-        """Take a lease again that ran out while this process was kept from renewing it; end where another process has had it since."""
+        """Take a lease again that expired while this process could not renew it; end if another process has had it since."""
         lease = self._leases.take(self.options.dispatcher)
         if lease.token != self._token + 1:
             self._leases.give_back([self.options.dispatcher])
@@ -140,7 +140,7 @@ class Service:
         self.options.say(line)
 
     def _begun(self) -> ServiceRecord | None:
-        """Return the service that is on the desk, which is continued with; None where there is none."""
+        """Return the existing service of the desk, which is continued; None if there is none."""
         found = self._desk.get("service", "service")
         if found is None:
             return None
@@ -177,14 +177,14 @@ class Service:
         return self._with_world(written_[-1], record)
 
     def _drag(self, drone: Drone) -> DragModel:
-        """Fly a simulated drone of a type with half of its greatest package to find its drag: without it nobody measures the wind on the way."""
+        """Determine the drag of a type of drone from a simulated flight with half of its greatest package: without it the tilt gives no wind."""
         found = drag_of(drone, 0.5 * drone.max_payload_kg).another_flight()
         self._say(f"drag of {drone.id} found in a calibration flight: its tilt measures the wind")
         return found
 
     @property
     def _lease(self) -> Lease:
-        """Its lease; taken again where it ran out while the service was begun, which takes long on a busy machine: what another has written since is not overwritten."""
+        """Return its lease; taken again if it expired during the start, which takes long on a busy machine, unless another process has written since."""
         lease = self._leases.kept(self.options.dispatcher)
         if lease is None:
             self._take_lease()
@@ -194,7 +194,7 @@ class Service:
         return lease
 
     def _with_world(self, entry: Entry, record: ServiceRecord) -> ServiceRecord:
-        """Start the simulated world, and write where it is."""
+        """Start the simulated world, and record its address."""
         folder = Path(record.folder)
         address = folder / ADDRESS
         address.unlink(missing_ok=True)
@@ -235,7 +235,7 @@ class Service:
             self._leases.close()
 
     def _step(self, now_s: float) -> None:
-        """Do what is due; a database that went away is waited for, and found again."""
+        """Do the due work; wait for an unavailable database, and reconnect."""
         while True:
             try:
                 self._take_orders(now_s)

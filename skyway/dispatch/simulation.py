@@ -25,14 +25,14 @@ if TYPE_CHECKING:
     from skyway.sim_stub.plant.wind_truth import WindTruth
 
 ADDRESS = "world.address"
-"""File in the folder of the service that has the address of the world."""
+"""File in the folder of the service with the address of the world."""
 EVENTS = "world.log"
 STEP_S = 0.1
-"""Of the physics of each drone: as often as a supervisor asks for its attitude."""
+"""Time step of each drone's physics, s: the interval at which a supervisor requests attitude."""
 
 
 def simulate(ledger: str, dispatcher: str) -> None:
-    """Simulate the world of a service until somebody ends it."""
+    """Simulate the world of a service until it is ended."""
     with open_ledger(ledger) as book:
         desk = Desk(book, dispatcher)
         found = desk.get("service", "service")
@@ -79,7 +79,7 @@ def build(service: ServiceRecord, drones: list[DroneRecord], *, log: object = No
 
 
 def _wind(service: ServiceRecord, region: Region) -> WindTruth:
-    """What blows: as was said, else what is expected; with neither it is calm."""
+    """Return the true wind: as given, else the forecast; calm with neither."""
     text = service.actual_wind or service.wind
     if text is None:
         return ConstantWind()

@@ -41,32 +41,32 @@ class Status:
     led: bool
     """A dispatcher has its lease now."""
     now_s: float
-    """Newest time that the service told of, POSIX seconds of its own."""
+    """Latest reported time of the service, POSIX seconds of its own clock."""
     service: ServiceRecord
     orders: dict[str, tuple[str, OrderRecord]]
     drones: dict[str, tuple[str, DroneRecord]]
     flights: dict[str, tuple[str, FlightRecord]]
-    """Those that are not over."""
+    """Flights that are not over."""
     pads: dict[str, tuple[str, PadRecord]]
-    """Those out of order."""
+    """Pads out of order."""
     changes: dict[str, tuple[str, ChangeRecord]]
     holds: list[Hold]
     workers: dict[str, bool]
-    """By name, whether somebody has its lease."""
+    """By name, whether its lease is held."""
 
     def count(self, state: str) -> int:
-        """How many orders are in a state."""
+        """Return the number of orders in a state."""
         return sum(one == state for one, _ in self.orders.values())
 
     @property
     def lateness_s(self) -> list[float]:
-        """By how much each delivered order was after its due time; negative where it was before."""
+        """Return the delay of each delivered order, s; negative if it was early."""
         done = (one for _, one in self.orders.values() if one.delivered_s is not None)
         return [float(one.delivered_s or 0.0) - one.order.due.timestamp() for one in done]
 
 
 def status_of(desk: Desk) -> Status:
-    """Read how the service of a desk stands; an `InputError` says that there is none."""
+    """Read the status of the service of a desk; an `InputError` if there is none."""
     board = Board(desk)
     found = desk.get("service", "service")
     if found is None:
@@ -78,22 +78,22 @@ def status_of(desk: Desk) -> Status:
     flights = board.read("flight", FlightRecord, ACTIVE)
     changes = board.read("change", ChangeRecord)
     orders = board.read("order", OrderRecord)
-    told = [one.progress.at_s for _, one in flights.values() if one.progress is not None]
-    told += [one.at_s for _, one in changes.values()] + [
+    times_s = [one.progress.at_s for _, one in flights.values() if one.progress is not None]
+    times_s += [one.at_s for _, one in changes.values()] + [
         one.delivered_s for _, one in orders.values() if one.delivered_s is not None
     ]
     from skyway.dispatch.worker import worker_name
 
     names = [worker_name(desk.dispatcher, number) for number in range(1, service.workers + 1)]
     return Status(
-        dispatcher=desk.dispatcher, state=found.state, led=desk.ledger.led(desk.dispatcher), now_s=max(told, default=service.begin_s),
+        dispatcher=desk.dispatcher, state=found.state, led=desk.ledger.led(desk.dispatcher), now_s=max(times_s, default=service.begin_s),
         service=service, orders=orders, drones=board.read("drone", DroneRecord), flights=flights, pads=board.read("pad", PadRecord, ("out",)),
         changes=changes, holds=desk.ledger.holds(), workers={one: desk.ledger.led(one) for one in names},
     )  # fmt: skip
 
 
 def order_document(name: str, state: str, record: OrderRecord) -> dict[str, Any]:
-    """Return what is told of one order."""
+    """Return an order as JSON values."""
     order, promise = record.order, record.promise
     return {
         "id": name,
@@ -192,19 +192,19 @@ def prometheus(status: Status) -> str:
     family("orders_late", "gauge", "Orders delivered after they were due.", {"": sum(one > 0.0 for one in late)})
     family("promises_changed_total", "counter", "Promises that were changed.", {"": len(status.changes)})
     family("drones", "gauge", "Drones by state.", {_label("state", one): float(count) for one, count in drones.items()})
-    family("drone_charge_ratio", "gauge", "Charge of each drone when it last stood, 0 to 1.", soc)
+    family("drone_charge_ratio", "gauge", "Charge of each drone at its last stop, 0 to 1.", soc)
     family("flights", "gauge", "Flights that are not over.", {"": len(status.flights)})
     family(
         "flight_late_seconds_max",
         "gauge",
-        "By how much the latest flight is behind its plan.",
+        "Greatest delay of a flight against its plan.",
         {"": max(late_by, default=0.0)},
     )
     family("pads_booked", "gauge", "Windows that are booked, by station.", booked)
     family("pads_out_of_order", "gauge", "Pads that are out of order.", {"": len(status.pads)})
     workers = {_label("worker", name): float(alive) for name, alive in status.workers.items()}
-    family("worker_up", "gauge", "Whether somebody has the lease of a worker.", workers)
-    family("dispatcher_up", "gauge", "Whether somebody has the lease of the dispatcher.", {"": float(status.led)})
+    family("worker_up", "gauge", "Whether the lease of a worker is held.", workers)
+    family("dispatcher_up", "gauge", "Whether the lease of the dispatcher is held.", {"": float(status.led)})
     return "\n".join(lines) + "\n"
 
 

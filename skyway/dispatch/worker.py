@@ -1,6 +1,6 @@
 """A worker: a process that supervises up to `MOST` flights, each in a thread, under leases that it renews.
 
-It takes the flights that the dispatcher gave to it, and those of another worker whose lease has run out: they go on from their journals.
+It takes the flights given to it by the dispatcher, and those of another worker whose lease has expired: they are resumed from their journals.
 """
 
 from __future__ import annotations
@@ -30,20 +30,21 @@ if TYPE_CHECKING:
 MOST = 50
 """Flights of one worker at a time."""
 HEAR_S = 60.0
-"""How often it reads what the drones of other workers have measured of the wind, of its own time."""
+"""Interval at which it reads the winds measured by drones of other workers, s of the service's time."""
 LOOK_S = 5.0
-"""How often it looks for flights, of its own time."""
+"""Interval at which it looks for new flights, s of the service's time."""
 TRY_WALL_S = 0.5
-"""How often, of the wall's time, it tries to take over what another had."""
+"""Interval of attempts to take over leases of other workers, s of wall time."""
 GRACE_S = 60.0
-"""The simulated world goes on for so long once a worker was killed, before it waits for who takes its flights over."""
+"""Time for which the simulated world continues after a worker was killed, before it waits for a worker that takes
+its flights over, s."""
 AGAIN_WALL_S = 1.0
 ALONE_WALL_S = 60.0
-"""A worker without flights ends once there has been no dispatcher for so long."""
+"""Time without a dispatcher after which a worker without flights ends, s of wall time."""
 
 
 def worker_name(dispatcher: str, number: int) -> str:
-    """Name of the holder whose lease a worker takes first."""
+    """Return the holder whose lease a worker takes first."""
     return f"{dispatcher}/worker {number}"
 
 
@@ -88,7 +89,7 @@ class Worker:
         return (found is not None and found.state == "ended") or self._left_alone()
 
     def _left_alone(self) -> bool:
-        """Whether there has been no dispatcher for long: the next one starts workers of its own."""
+        """Whether there has been no dispatcher for long: the next one starts new workers."""
         if time.monotonic() < self._looked_wall_s + TRY_WALL_S:
             return False
         self._looked_wall_s = time.monotonic()
@@ -96,7 +97,7 @@ class Worker:
             try:
                 led = self._desk.ledger.led(self._dispatcher)
             except SkywayError:
-                return False  # the database is away, not the dispatcher
+                return False  # the database is unavailable, not the dispatcher
         if led:
             self._led_wall_s = self._looked_wall_s
         return self._looked_wall_s > self._led_wall_s + ALONE_WALL_S
@@ -110,7 +111,7 @@ class Worker:
                 return None
 
     def _reopen(self) -> None:
-        """Open the ledger again: its database went away; flights go on meanwhile as long as their lease holds."""
+        """Reopen the ledger after a loss of its database; flights continue meanwhile until their lease expires."""
         time.sleep(AGAIN_WALL_S)
         try:
             fresh = open_ledger(self._ledger_name)
@@ -120,7 +121,7 @@ class Worker:
         self._desk = Desk(fresh, self._dispatcher)
 
     def _hear(self, now_s: float) -> None:
-        """Learn the winds that drones of other workers have measured."""
+        """Read the winds measured by drones of other workers."""
         if not self._flights or now_s < self._heard_s + HEAR_S:
             return
         self._heard_s = now_s
@@ -128,12 +129,12 @@ class Worker:
             try:
                 entries = self._desk.entries("flight", ACTIVE)
             except SkywayError:
-                return  # the database is away: next time
+                return  # the database is unavailable: next time
         mine = set(self.leases.holders)
         self.winds.hear(read(one, FlightRecord) for one in entries if one.keeper not in mine)
 
     def _look(self) -> None:
-        """Begin what is to be begun, and take over what nobody has."""
+        """Begin new flights, and take over those without a worker."""
         self._flights = {name: one for name, one in self._flights.items() if one.alive}
         try:
             if self.leases.kept(self.name) is None and not self._flights:
@@ -150,9 +151,7 @@ class Worker:
         mine = set(self.leases.holders)
         self._take_over(set(keepers.values()) - mine)
         mine = set(self.leases.holders)
-        self.leases.give_back(
-            mine - {self.name, *keepers.values()}
-        )  # of another one, that has nothing to be done any more
+        self.leases.give_back(mine - {self.name, *keepers.values()})  # of another worker, with nothing left to do
         for name, keeper in keepers.items():
             if keeper not in mine or name in self._flights or len(self._flights) >= MOST:
                 continue
@@ -162,7 +161,7 @@ class Worker:
                 self._flights[name].start()
 
     def _take_over(self, keepers: set[str]) -> None:
-        """Take the leases of other workers that have run out, as far as there is room."""
+        """Take expired leases of other workers, while there is capacity."""
         if not keepers or time.monotonic() < self._tried_wall_s + TRY_WALL_S:
             return
         self._tried_wall_s = time.monotonic()
@@ -180,12 +179,12 @@ class Worker:
         LockstepClient(self.service.world, holder).close()
 
     def _take(self, holder: str) -> None:
-        """Take a lease; who had it before may not know yet that it has lost it, and speak with the same vehicles: the world stands still until it does."""
+        """Take a lease; its former owner may not know yet that it is lost, and send to the same vehicles: the world is stopped until it does."""
         if self.leases.take(holder).token > 1:
             time.sleep(self.leases.noticed_s)
 
     def change(self, entry: Entry, state: str, record: FlightRecord) -> Entry:
-        """Write what has become of a flight, under the lease of its keeper; a `FencedError` says that it is no longer ours."""
+        """Write the state of a flight, under the lease of its keeper; a `FencedError`: the lease now belongs to another process."""
         while True:
             lease = self.leases.kept(entry.keeper)
             if lease is None:
@@ -201,7 +200,7 @@ class Worker:
             return after
 
     def folder(self) -> Path:
-        """Where journals are."""
+        """Return the folder of journals."""
         return Path(self.service.folder)
 
 

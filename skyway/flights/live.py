@@ -177,8 +177,8 @@ class LiveFile:
         live.state, live.paused, live.stays = str(ctx.state), talk.paused, talk.stays
         live.doing = live.doing or _MEANING.get(live.state, "")
         live.question, live.answers = talk.question, list(talk.answers)
-        live.question_n = talk.asked_n if talk.question else None
-        holder, asker = talk.commander.holder, talk.commander.asker
+        live.question_n = talk.question_n if talk.question else None
+        holder, asker = talk.commander.holder, talk.commander.requester
         live.holder = None if holder is None else {"id": holder.id, "name": holder.name}
         live.asker = None if asker is None else {"id": asker.id, "name": asker.name}
         job = ctx.job

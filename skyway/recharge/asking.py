@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from skyway.missions.checks.energy import FlightConditions
     from skyway.missions.items.document import MissionDocument
     from skyway.models.airspace.airspace import Airspace
-    from skyway.models.network.network import Station
+    from skyway.models.network.station import Station
     from skyway.models.network.van_stands import VanStand
     from skyway.models.scenario.scenario import Scenario
     from skyway.planner.fixed_route.pad_windows import Window

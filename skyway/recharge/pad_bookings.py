@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from skyway.missions.autopilots.family import Family
     from skyway.missions.items.document import MissionDocument
     from skyway.models.ledger.ledger import Ledger
-    from skyway.models.network.network import Station
+    from skyway.models.network.station import Station
     from skyway.planner.fixed_route.pad_windows import Window
     from skyway.recharge.asking import Asked
     from skyway.recharge.cutting import Recharged

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from skyway.missions.items.mission import Mission
     from skyway.missions.recharge.pad_ways import PadWays
     from skyway.missions.recharge.work import Work
-    from skyway.models.network.network import Station
+    from skyway.models.network.station import Station
     from skyway.recharge.problem import RechargeOptions
 
 LOW_TAKEOFF_M = 10.0

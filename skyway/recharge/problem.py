@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from skyway.missions.recharge.pad_ways import PadWays, TransitRules
     from skyway.missions.recharge.work import Work
     from skyway.models.drones.energy_belief import EnergyBelief
-    from skyway.models.network.network import Station
+    from skyway.models.network.station import Station
     from skyway.models.queues.load import PadLoad
     from skyway.planner.fixed_route.charging_stops import ChargingPlan
     from skyway.planner.fixed_route.pad_windows import Window

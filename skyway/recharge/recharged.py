@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
     from skyway.missions.autopilots.family import Family
     from skyway.missions.items.document import MissionDocument
-    from skyway.models.network.network import Station
+    from skyway.models.network.station import Station
     from skyway.recharge.cutting import Recharged
     from skyway.recharge.problem import RechargeOptions
 

@@ -202,12 +202,12 @@ def test_a_reserve_for_gusts_makes_the_clairvoyant_no_faster(long_instance):
         assert 0.0 < best <= bound * (1.0 + 1e-9)
 
 
-def test_who_is_told_the_wind_and_the_queues_is_told_those_of_the_run(long_instance):
+def test_perfect_information_about_wind_and_queues_is_that_of_the_run(long_instance):
     still = replace(long_instance, errors=NO_ERRORS)
     case = case_of(still.scenario(), still, 1, 1)
     best, _ = rolling_why.clairvoyant_and_bound(case)
-    assert rolling_why.fly_told(case, rolling_why.BOTH) == pytest.approx(best, rel=0.05)
-    assert rolling_why.fly_told(case, rolling_why.NOTHING) >= best * (1.0 - 1e-6)
+    assert rolling_why.fly_informed(case, rolling_why.BOTH) == pytest.approx(best, rel=0.05)
+    assert rolling_why.fly_informed(case, rolling_why.NOTHING) >= best * (1.0 - 1e-6)
 
 
 def test_a_flight_is_flown_again_as_it_was_in_the_same_gusts(long_instance):

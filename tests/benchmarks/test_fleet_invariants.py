@@ -80,7 +80,7 @@ def changed(number, state=None, document=None):
         (changed(7, document=flight("d1", "with the package", "x", "c")), PADS, "begins at x, but it stands at b"),
         ([*GOOD[:4], ("flight", "9 d1", "ordered", GOOD[3][3]), *GOOD[4:]], PADS, "two flights at once"),
         (changed(7, document=flight("d1", "with the package", "b", "c", ended=False)), PADS, "never ended"),
-        (changed(9, "flying"), PADS, "nobody was told"),
+        (changed(9, "flying"), PADS, "no person was informed"),
         (GOOD, [PADS[0], PADS[2], PADS[1], PADS[3]], "held twice"),
         (GOOD, PADS[:3], "still booked"),
     ],

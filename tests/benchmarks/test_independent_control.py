@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 
 from benchmarks.independent import build, delivery, study, worlds
-from benchmarks.independent.information import Aloft, Piece
+from benchmarks.independent.information import HERE, Aloft, Piece
 from benchmarks.independent.product import planning, policies
 from benchmarks.independent.product.in_air import InAir
 from skyway.models.queues.load import PadLoad
 from skyway.planner.evaluation.evaluate import fly_charging, sample_realizations
+from skyway.planner.online.options import along_way
 from skyway.planner.problem.error_model import NO_ERRORS
 
 STUDY = study.Study("new-york", "robust", 1, 2, 1, 18)
@@ -60,13 +61,17 @@ class AFlight:
     def __init__(self, planned):
         leg = planned.result.itinerary[0]
         self.segments, self.time_s = leg.segments, planned.request.state.time.timestamp()
+        network, first = planned.scenario.network, leg.segments[0]
+        self.way = [(network.lat[k], network.lon[k]) for k in (network.tail[first], network.head[first])]
+        self.length_m = network.distance_m[first]
         self.reports = {one.id: (self.time_s, 1.0, 0.0) for one in planned.scenario.wind_sites}
 
     def seen(self, told, wind, share=0.5):
-        pieces = tuple(Piece(self.time_s + 15.0 * k, self.segments[0], share * k / 5, wind) for k in range(5))
+        ways = [along_way(self.way, share * k / 5 * self.length_m) for k in range(6)]
+        pieces = tuple(Piece(self.time_s + 15.0 * k, place, wind) for k, place in enumerate(ways[:-1]))
         return Aloft(
             0, self.time_s + 75.0, told, self.reports, lambda _: 0, (), 0, self.time_s, told + 0.05, self.segments,
-            self.segments[0], share, pieces,
+            self.segments[0], share, None, ways[-1], pieces,
         )  # fmt: skip
 
 
@@ -79,7 +84,11 @@ def test_the_product_turns_back_where_the_charge_is_not_enough_and_flies_on_wher
     calm = 0.0, 0.0
     assert air.turns(flight.seen(0.9, calm), (home,)) is None
     air.forget()
-    assert air.turns(flight.seen(0.24, calm, share=0.1), (home,)) == home
+    back = flight.seen(0.24, calm, share=0.1)
+    assert air.turns(back, (home,)) == home
+    assert air.turns(replace(back, turned=home, time_s=back.time_s + 20.0), (home,)) is None
+    empty = replace(back, turned=home, time_s=back.time_s + 200.0, told=0.001)
+    assert air.turns(empty, (home,)) == HERE
 
 
 @pytest.mark.slow

@@ -59,9 +59,9 @@ def calm(world=worlds.OURS, runs=2, area=None):
 class Hops:
     """Leaves each stop with a charge, a segment or two at a time, and remembers what it saw."""
 
-    def __init__(self, ways, charge=0.0, land=False, turns=None):
+    def __init__(self, ways, charge=0.0, land=False, turns=None, again=None):
         self.ways, self.charge, self.land, self.seen, self.overs = ways, charge, land, [], []
-        self.turns, self.looks = turns or {}, []
+        self.turns, self.again, self.looks = turns or {}, again or {}, []
 
     def leave(self, seen):
         self.seen.append(seen)
@@ -77,6 +77,8 @@ class Hops:
     def aloft(self, seen):
         self.looks.append(seen)
         station, after_m = self.turns.get(len(seen.flights), (None, math.inf))
+        if seen.turned is not None:
+            return self.again.get(seen.turned)
         return station if 8000.0 * (seen.segment + seen.share) >= after_m - 1e-6 else None
 
 
@@ -129,6 +131,23 @@ def test_a_drone_may_turn_to_another_station_or_land_where_it_is():
     assert run.flights[0].down_s - DEPART_S == pytest.approx(3000.0 / 20.0 + 32.0)
 
 
+def test_a_drone_is_asked_on_its_way_back_too_and_may_be_turned_again():
+    setting, order = calm(runs=1)
+    policy = Hops([(0, 1), None], turns={0: (0, 3000.0)})
+    (run,) = delivery.deliver(setting, order, policy)
+    plane = setting.ground.plane
+    back = [one for one in policy.looks if one.turned == 0]
+    north_m = [float(plane.xy(*one.place)[0]) for one in back]
+    assert north_m == pytest.approx(np.arange(2700.0, 200.0, -300.0), abs=0.1)
+    assert {one.segment for one in back} == {0}
+    assert [one.share for one in back] == pytest.approx([3000.0 / 8000.0] * 9)
+    assert [len(one.pieces) for one in back] == list(range(11, 20))
+    again = Hops([(0, 1), None], turns={0: (0, 3000.0)}, again={0: 1})
+    (run,) = delivery.deliver(setting, order, again)
+    assert [(one.origin, one.end) for one in run.flights] == [(0, 1)]
+    assert run.flights[0].down_s - DEPART_S == pytest.approx((3000.0 + 300.0 + 5300.0) / 20.0 + 32.0)
+
+
 def test_a_drone_on_its_way_knows_what_it_measured_and_where_it_is():
     setting, order = calm(runs=1)
     policy = Hops([(0, 1)])
@@ -142,7 +161,7 @@ def test_a_drone_on_its_way_knows_what_it_measured_and_where_it_is():
         assert one.told_off - one.told == pytest.approx(
             SHEET.hover_w(0.8) * (one.time_s - one.off_s) / SHEET.battery_j, abs=1e-9
         )
-    middles = [8000.0 * (piece.segment + piece.share) for piece in policy.looks[-1].pieces]
+    middles = [float(setting.ground.plane.xy(*piece.place)[0]) for piece in policy.looks[-1].pieces]
     assert middles[0] == pytest.approx(flight.LOOK_M / 2)
     assert np.all(np.diff(middles) > 0.0)
 

@@ -1,6 +1,5 @@
 """Promises as flown, judged by leaving days out: the arithmetic, the days, and who decides."""
 
-import json
 from dataclasses import dataclass
 from types import SimpleNamespace
 from typing import Any
@@ -53,14 +52,22 @@ def test_a_report_tells_what_the_world_keeps_less_and_counts_who_never_comes(tmp
         "flown_s": late.tolist(), "lowest": [0.3] * 19 + [0.1],
     }  # fmt: skip
     path = tmp_path / "flown.jsonl"
-    path.write_text(
-        json.dumps(one) + "\n" + json.dumps(one | {"flown": False, "world": "field"}) + "\n", encoding="utf-8"
-    )
+    few = left_out.LeftOut("new-york", "fly", 1, 20, 1, 150)
+    study.append_line(path, few, one)
+    study.append_line(path, few, one | {"flown": False, "world": "field"})
     assert left_out.main(["--worlds", "ours", "--requests", "1", "--out", str(path)]) == 0
     (line,) = capsys.readouterr().out.splitlines()
     assert "50 %: 50.0 -> 50.0, +0.0" in line
     assert "95 %: 95.0 -> 80.0, -15.0" in line
     assert "not delivered 0 -> 4; below the reserve 1" in line
+
+
+def test_what_was_flown_with_another_seed_or_other_orders_is_not_mixed_in(tmp_path):
+    path = tmp_path / "flown.jsonl"
+    study.append_line(path, left_out.LeftOut("new-york", "fly", 1, 20, 1, 150), {"world": "ours", "order": {"seed": 0}})
+    for other in (["--seed", "151"], ["--days", "19"], ["--longest", "90"]):
+        with pytest.raises(SystemExit, match="another study"):
+            left_out.main(["--worlds", "ours", "--requests", "1", "--out", str(path), *other])
 
 
 def test_a_day_laid_onto_an_order_is_the_member_of_its_forecast_with_that_date():

@@ -77,6 +77,9 @@ def test_what_was_flown_is_read_again_but_not_that_of_another_study(tmp_path):
     with pytest.raises(SystemExit, match="another study"):
         study.read_lines(path, other)
     assert study.read_lines(tmp_path / "none", STUDY) == []
+    for number in (1, 2):
+        study.append_line(path, STUDY, document(number, [[0.3]] * 4, [1.0] * 4))
+    assert [one["order"]["seed"] for one in study.read_lines(path, STUDY)] == [0, 1, 2]
 
 
 def test_orders_are_drawn_from_their_seed_within_the_record():

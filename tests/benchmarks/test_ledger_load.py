@@ -2,7 +2,7 @@
 
 import pytest
 
-from benchmarks.fleet.ledger_load import postgresql_server, run, told_booked
+from benchmarks.fleet.ledger_load import confirmed_bookings, postgresql_server, run
 from skyway.models.ledger.audit import audit
 from skyway.models.ledger.opening import open_ledger
 
@@ -17,9 +17,9 @@ def check(name, folder, meanwhile=lambda: None):
     for hold in held:
         by_itinerary.setdefault(hold.itinerary, []).append(hold)
     assert all(len(one) == 4 for one in by_itinerary.values())
-    told = told_booked(folder)
-    assert told <= set(by_itinerary), "what a client was told is booked is lost"
-    assert len(by_itinerary) - len(told) <= 3, "at most the one under way when its client was killed"
+    confirmed = confirmed_bookings(folder)
+    assert confirmed <= set(by_itinerary), "a booking that was confirmed to a client is lost"
+    assert len(by_itinerary) - len(confirmed) <= 3, "at most the one under way when its client was killed"
     assert load.booked > 50
 
 

@@ -24,6 +24,14 @@ def test_help_lists_every_command_under_a_heading_with_its_whole_first_sentence(
     assert "..." not in shown.split("Plan:", 1)[1]
 
 
+def test_help_of_a_group_shows_the_whole_first_sentence_of_its_commands(capsys):
+    groups = [name for name, one in typer.main.get_command(app).commands.items() if hasattr(one, "commands")]
+    assert len(groups) > 5
+    for name in groups:
+        assert main([name, "--help"]) == 0
+        assert "..." not in capsys.readouterr().out.split("Commands:", 1)[1], name
+
+
 @pytest.mark.parametrize(("columns", "most"), [("60", 60), ("80", 80), ("120", 120), ("200", 120)])
 def test_help_uses_the_width_of_the_terminal(columns, most, capsys, monkeypatch):
     monkeypatch.setenv("COLUMNS", columns)

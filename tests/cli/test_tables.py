@@ -14,7 +14,9 @@ from skyway.cli.views.plan import schedule_sheet
 from skyway.cli.views.sheet import NO_NUMBER, Column, Sheet, wrapped
 from skyway.models.base.formatting import about, between, by, duration, later_text, minutes, percent, share, spent
 from skyway.models.base.statistics import Figure
-from skyway.models.composition.composition import ArrivalDistribution, Composition, DroneService, Place, Stop
+from skyway.models.composition.composition import Composition
+from skyway.models.composition.distributions import ArrivalDistribution
+from skyway.models.composition.service import DroneService, Place, Stop
 from skyway.models.wind.summary import Wind
 
 COMMANDS = {

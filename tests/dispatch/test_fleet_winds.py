@@ -4,7 +4,7 @@ from datetime import datetime
 
 import pytest
 
-from skyway.dispatch.fleet_winds import FleetForecast, FleetWinds, told_of
+from skyway.dispatch.fleet_winds import FleetForecast, FleetWinds, last_of
 from skyway.dispatch.records import FlightRecord, Progress, ServiceRecord
 from skyway.dispatch.region import Region
 from skyway.models.drones.drag import DragModel
@@ -18,8 +18,8 @@ def seen(time_s, north=5.0, east=5.0):
 
 
 def test_the_last_measurement_is_told_and_comes_back_the_same():
-    assert told_of([]) is None
-    told = told_of([seen(2.0), seen(3.0, north=1.0), seen(1.0)])
+    assert last_of([]) is None
+    told = last_of([seen(2.0), seen(3.0, north=1.0), seen(1.0)])
     back = WindObservation(*told)
     assert (back.time_s, back.lat_deg, back.lon_deg, back.north_mps, back.east_mps, back.variance) == (3.0, 40.7, -74.0, 1.0, 5.0, 0.3)  # fmt: skip
 
@@ -48,7 +48,7 @@ def test_the_dispatcher_plans_with_what_was_measured():
     assert known.at(BEGIN_S + 60.0)[0] is before
     flight = FlightRecord(
         drone="d", type=drone, system=1, order=None, phase="home", mass_kg=0.0, composition="", steps=(), not_before_s=0.0, journal="",
-        progress=Progress(at_s=BEGIN_S + 90.0, state="flying", wind=told_of([seen(BEGIN_S + 90.0)])),
+        progress=Progress(at_s=BEGIN_S + 90.0, state="flying", wind=last_of([seen(BEGIN_S + 90.0)])),
     )  # fmt: skip
     known.hear([flight])
     after, _ = known.at(BEGIN_S + 120.0)  # at once, since it is the first

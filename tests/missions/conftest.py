@@ -7,7 +7,9 @@ from types import SimpleNamespace
 import pytest
 
 from skyway.models.base import geodesy
-from skyway.models.composition.composition import ArrivalDistribution, Composition, DroneService, Place, Stop
+from skyway.models.composition.composition import Composition
+from skyway.models.composition.distributions import ArrivalDistribution
+from skyway.models.composition.service import DroneService, Place, Stop
 from skyway.models.wind.summary import Wind
 
 NOON = datetime(2026, 5, 4, 12, 0, tzinfo=UTC)

@@ -9,7 +9,7 @@ from skyway.missions.checks.weather import SteadyWind
 from skyway.missions.items.coordinates import Point
 from skyway.missions.recharge.pad_ways import TransitRules
 from skyway.models.drones.drone import M200_V2
-from skyway.models.network.network import Station
+from skyway.models.network.station import Station
 from skyway.recharge.problem import RechargeOptions
 
 LAT, LON = 47.4, 8.55

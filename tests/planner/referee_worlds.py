@@ -11,7 +11,7 @@ from skyway.models.composition.composition import State
 from skyway.models.drones.drone import M200_V2
 from skyway.models.flight.rules import FlightRules
 from skyway.models.network.builders import build_network
-from skyway.models.network.network import ConnectionRule
+from skyway.models.network.station import ConnectionRule
 from skyway.planner.problem.problem import Problem
 
 LONG_RANGE = replace(

@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from skyway.models.wind.field_error import FieldError
-from skyway.planner.reach.wind_ahead import WindAhead, slower_s
+from skyway.planner.reach.wind_ahead import WindAhead, drifted_s, slower_s
 
 AHEAD = WindAhead(FieldError(1.0), 0.15, 180.0)
 
@@ -51,3 +51,19 @@ def test_two_standard_deviations_cost_what_the_flight_then_takes_longer():
     forward = -6.0 + np.sqrt(15.0**2 - 3.0**2)
     found = slower_s(np.array([6000.0]), wind, 15.0, 17.0, np.array([[1.2]]))
     assert 2.0 * float(found[0, 0]) == pytest.approx(6000.0 / (forward - 2.4) - 6000.0 / forward)
+    aside = -6.0 + np.sqrt(15.0**2 - 5.4**2)
+    found = drifted_s(np.array([6000.0]), wind, 15.0, 17.0, np.array([[1.2]]))
+    assert 2.0 * float(found[0, 0]) == pytest.approx(6000.0 / aside - 6000.0 / forward)
+
+
+def test_an_error_of_the_wind_across_counts_as_it_does_in_drawn_winds():
+    """Judge: flights in drawn winds. Near the airspeed the wind across makes the most of the spread, which that along alone misses."""
+    generator, sd_mps = np.random.default_rng(3), 0.8
+    drawn = 3000.0 / (
+        2.0 + generator.normal(0.0, sd_mps, 20_000) + np.sqrt(20.0**2 - generator.normal(14.5, sd_mps, 20_000) ** 2)
+    )
+    wind = np.array([[2.0]]), np.array([[14.5]])
+    given = np.array([3000.0]), wind, 20.0, 20.0, np.array([[sd_mps]])
+    along, across = (float(one(*given)[0, 0]) for one in (slower_s, drifted_s))
+    assert across > along
+    assert np.hypot(along, across) == pytest.approx(drawn.std(), rel=0.2)

@@ -13,7 +13,7 @@ from skyway.models.composition.composition import State
 from skyway.models.drones.drone import M200_V2
 from skyway.models.flight.rules import FlightRules
 from skyway.models.network.builders import build_network
-from skyway.models.network.network import ConnectionRule, Station
+from skyway.models.network.station import ConnectionRule, Station
 from skyway.models.queues.load import PadLoad
 from skyway.models.scenario.scenario import Scenario
 from skyway.models.wind.forecast import WindEnsemble

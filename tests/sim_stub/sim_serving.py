@@ -6,7 +6,7 @@ import threading
 
 from sim_station import LAT, LON
 
-from skyway.models.network.network import Station as Place
+from skyway.models.network.station import Station as Place
 from skyway.sim_stub.fleet import FleetOptions, build_world, serve
 from skyway.sim_stub.transports.urls import parse_address
 

@@ -5,6 +5,7 @@ import math
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from skyway.sim_stub.config import VehicleConfig
+from skyway.sim_stub.plant.physics import offset_m
 from skyway.sim_stub.plant.wind_truth import ConstantWind
 from skyway.sim_stub.transports.lockstep import Lockstep
 from skyway.sim_stub.world import World
@@ -197,3 +198,14 @@ def leg(*, distance=400.0, height=40.0):
         item(WAYPOINT, distance, z=height),
         item(LAND, distance, z=0.0),
     )
+
+
+def away(stage, north_m=0.0, east_m=0.0):
+    """Metres of the vehicle from a point given from the start."""
+    north, east = offset_m(LAT, LON, stage.vehicle.body.lat, stage.vehicle.body.lon)
+    return math.hypot(north - north_m, east - east_m)
+
+
+def height(stage):
+    """Height of the vehicle above its start, metres."""
+    return stage.vehicle.body.alt_m - 5.0

@@ -14,7 +14,7 @@ from skyway.missions.items.coordinates import Point
 from skyway.missions.recharge.pad_ways import TransitRules
 from skyway.models.base import geodesy
 from skyway.models.drones.drone import M200_V2
-from skyway.models.network.network import Station as Pad
+from skyway.models.network.station import Station as Pad
 from skyway.recharge.output import parameters_of
 from skyway.recharge.problem import RechargeOptions
 from skyway.recharge.recharged import recharged

@@ -7,7 +7,7 @@ from sim_station import LAT, LON, Stage, item, leg
 
 from skyway import sim_stub
 from skyway.models.base.errors import InputError
-from skyway.models.network.network import Station as Place
+from skyway.models.network.station import Station as Place
 from skyway.sim_stub import Pads, World, parse_fault
 from skyway.sim_stub.autopilot.modes import Mode
 from skyway.sim_stub.plant.physics import offset_m

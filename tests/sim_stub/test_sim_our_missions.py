@@ -8,9 +8,11 @@ from sim_station import Station
 
 from skyway import missions
 from skyway.models.base import geodesy
-from skyway.models.composition.composition import ArrivalDistribution, Composition, DroneService, Stop
-from skyway.models.composition.composition import Place as PlanPlace
-from skyway.models.network.network import Station as Place
+from skyway.models.composition.composition import Composition
+from skyway.models.composition.distributions import ArrivalDistribution
+from skyway.models.composition.service import DroneService, Stop
+from skyway.models.composition.service import Place as PlanPlace
+from skyway.models.network.station import Station as Place
 from skyway.models.wind.summary import Wind
 from skyway.sim_stub.config import VehicleConfig
 from skyway.sim_stub.plant.physics import offset_m

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from sim_station import LAT, LON, Stage
 
-from skyway.models.network.network import Station as Place
+from skyway.models.network.station import Station as Place
 from skyway.models.queues.load import WEEK_H, PadLoad
 from skyway.models.queues.pad_service import (
     PadRequest,

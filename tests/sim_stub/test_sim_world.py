@@ -16,7 +16,7 @@ from sim_station import LAT, LON, Stage, dialect, item
 from skyway.models.base.address import Address
 from skyway.models.base.errors import InputError
 from skyway.models.base.geodesy import inverse
-from skyway.models.network.network import Station as Place
+from skyway.models.network.station import Station as Place
 from skyway.models.wind.ensemble import WindEnsemble
 from skyway.sim_stub.config import VehicleConfig
 from skyway.sim_stub.faults import KINDS, parse_fault

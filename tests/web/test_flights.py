@@ -165,7 +165,7 @@ def test_an_order_reaches_the_flight_with_who_gave_it_and_only_from_a_browser_th
 
     time.sleep(0.5)
     assert sent(order, **own) == 200
-    said = heard.heard()
+    said = heard.next_input()
     assert (said.word, said.name, said.id, said.who) == (
         "pause",
         "Anna",
@@ -181,7 +181,7 @@ def test_an_order_reaches_the_flight_with_who_gave_it_and_only_from_a_browser_th
     ]:  # fmt: skip
         assert sent(body, **headers) == status, (body, headers)
     assert page.ask("/api/order", Cookie=own["Cookie"])[0] in {404, 405}
-    assert heard.heard() is None
+    assert heard.next_input() is None
     assert page.ask("/api/flight?name=../x&seen=-1")[0] == 404
     assert json.loads(page.ask(f"/api/flight?name={NAME}&seen=99999999999999999999")[2])["name"] == NAME
     for ending in ("live", "orders"):

@@ -1,4 +1,4 @@
-"""A network between clients and a PostgreSQL server that can be cut: connections stay, and nothing comes through."""
+"""A network between clients and a PostgreSQL server that can be interrupted: connections stay open, and no data pass."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ if TYPE_CHECKING:
 
 
 class CutNetwork:
-    """Forwards TCP connections to a PostgreSQL server on a local socket, until it is cut.
+    """Forwards TCP connections to a PostgreSQL server on a local socket, until it is interrupted.
 
     Attributes
     ----------
     address : str
-        The server's, through this network.
+        Address of the server through this network.
     """
 
     def __init__(self, address: str) -> None:
@@ -37,11 +37,11 @@ class CutNetwork:
         self._begin(self._accept)
 
     def cut(self) -> None:
-        """Let nothing through from now on."""
+        """Stop forwarding."""
         self._open.clear()
 
     def mend(self) -> None:
-        """Let through what was held back, and all that comes."""
+        """Forward the withheld data, and resume forwarding."""
         self._open.set()
 
     def close(self) -> None:
@@ -68,7 +68,7 @@ class CutNetwork:
                 self._sockets += [client, server]
                 try:
                     server.connect(self._server)
-                except OSError:  # the server is away: so is who asks for it
+                except OSError:  # the server is unavailable: the client is disconnected
                     client.close()
                     continue
                 self._begin(self._forward, client, server)
@@ -77,7 +77,7 @@ class CutNetwork:
     def _forward(self, a: socket.socket, b: socket.socket) -> None:
         with contextlib.suppress(OSError):
             while data := a.recv(65536):
-                self._open.wait()  # what is under way is held back, as on a network that loses it and sends it again
+                self._open.wait()  # data in transit are withheld, as on a network that loses and retransmits them
                 b.sendall(data)
         for one in (a, b):
             with contextlib.suppress(OSError):

@@ -1,4 +1,4 @@
-"""Faults of a day of a fleet: when each comes, and how it is brought about in the processes and the world of an operator."""
+"""Faults of a day of a fleet: the time of each, and its injection into the processes and the world of an operator."""
 
 from __future__ import annotations
 
@@ -26,15 +26,15 @@ if TYPE_CHECKING:
 
 KINDS = ("drone lost", "pad dead", "worker killed", "dispatcher killed", "database restarted", "network cut")
 FIRST_S = 900.0
-"""The first fault comes so long after the beginning, simulated: then drones fly."""
+"""Time of the first fault after the beginning, s of simulated time: drones fly by then."""
 DEAD_S = 7200.0
 CUT_WALL_S = 25.0
-"""A network is cut for longer than leases hold."""
+"""Duration of a network interruption, s of wall time: longer than a lease."""
 
 
 @dataclass(frozen=True, slots=True)
 class Due:
-    """One fault that will come."""
+    """One scheduled fault."""
 
     at_s: float
     """Simulated seconds after the beginning."""
@@ -55,7 +55,7 @@ def schedule(seed: int, hours: float, every_s: float) -> list[Due]:
 
 
 class Faults:
-    """Brings the faults of one operator about, and writes each into a file."""
+    """Injects the faults of one operator, and writes each into a file."""
 
     def __init__(
         self,
@@ -73,18 +73,18 @@ class Faults:
         self.done: dict[str, int] = dict.fromkeys(KINDS, 0)
 
     def look(self, now_s: float) -> None:
-        """Bring about what is due at a simulated instant, seconds after the beginning."""
+        """Inject the faults due at a simulated instant, seconds after the beginning."""
         if not self.due or now_s < self.due[0].at_s:
             return
         one = self.due.pop(0)
         what = self._do(one.kind, now_s)
-        if what is None:  # nothing flies that could be lost: later
+        if what is None:  # no drone flies that could be lost: later
             self.due.insert(0, Due(now_s + 120.0, one.kind))
             return
         self.done[one.kind] += 1
         with self.log.open("a", encoding="utf-8") as file:
-            told = {"operator": self.operator.name, "at_s": round(now_s, 1), "kind": one.kind, "what": what}
-            file.write(json.dumps(told) + "\n")
+            record = {"operator": self.operator.name, "at_s": round(now_s, 1), "kind": one.kind, "what": what}
+            file.write(json.dumps(record) + "\n")
 
     def _do(self, kind: str, now_s: float) -> str | None:
         if kind == "drone lost":
@@ -103,7 +103,7 @@ class Faults:
         return "all its processes, with SIGKILL"
 
     def _lose_drone(self) -> str | None:
-        """Let the autopilot of a drone restart in the air: it falls."""
+        """Restart the autopilot of a drone in the air: it falls."""
         with open_ledger(self.operator.outside) as book:
             desk = Desk(book, self.operator.name)
             flights = Board(desk).read("flight", FlightRecord, ("flying",))
@@ -119,7 +119,7 @@ class Faults:
         return drone
 
     def _kill_pad(self, now_s: float) -> str | None:
-        """Take all pads of a station without a word, or report one pad as out of order: either way nobody charges there."""
+        """Occupy all pads of a station without a report, or report one pad as out of order: nobody charges there in either case."""
         stations = [one for one in self.scenario.network.stations if one.pads and not one.flyover]
         found = self._luck.choice(stations)
         if self._luck.random() < 0.5:

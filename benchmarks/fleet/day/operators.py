@@ -1,4 +1,4 @@
-"""One operator of a day that is flown in simulation: its processes, and what is known of them from outside."""
+"""One operator of a simulated day: its processes, and their observation from outside."""
 
 from __future__ import annotations
 
@@ -33,26 +33,26 @@ class Operator:
     name: str
     folder: Path
     ledger: str
-    """As its processes reach it, perhaps through a network that is cut."""
+    """Address for its processes, possibly through a network that can be interrupted."""
     outside: str
-    """The same as we do."""
+    """Direct address."""
     begin: datetime
     seed: int
     workers: int
     words: tuple[str, ...] = ()
-    """More of its command line."""
+    """Additional arguments of its command line."""
     process: subprocess.Popen[bytes] | None = None
     starts: int = 0
     cpu_s: dict[tuple[str, int], float] = field(default_factory=dict)
-    """Time on a processor of each of its processes, also of those that have ended."""
+    """Processor time of each of its processes, including those that have ended."""
 
     @property
     def begin_s(self) -> float:
-        """When its day begins, POSIX seconds."""
+        """Beginning of its day, POSIX seconds."""
         return self.begin.timestamp()
 
     def draw(self, drones: int, rate_per_h: float, hours: float) -> int:
-        """Write its files of drones and of orders, those of the demonstration; returns the number of orders."""
+        """Write its files of drones and of orders, those of the demonstration; return the number of orders."""
         demo = FleetDemo(folder=self.folder, drones=drones, rate_per_h=rate_per_h, hours=hours, seed=self.seed, begin=self.begin)  # fmt: skip
         fleet, orders = draw(demo)
         self.folder.mkdir(parents=True, exist_ok=True)
@@ -61,7 +61,7 @@ class Operator:
         return orders.count("\n") - 1
 
     def start(self, environment: dict[str, str]) -> None:
-        """Start its service, or start it again."""
+        """Start or restart its service."""
         words = [
             "dispatch", "run", "--simulate", "--ledger", self.ledger, "--holder", self.name, "--folder", str(self.folder / "flights"),
             "--orders", str(self.folder / ORDERS), "--fleet", str(self.folder / FLEET), "--depart", self.begin.isoformat(),
@@ -85,9 +85,9 @@ class Operator:
             self.process.wait()
 
     def ended(self, environment: dict[str, str]) -> bool:
-        """Whether its day is over; a service that was killed, or met a database that was away, is started again, as by a service manager.
+        """Whether its day is over. A service that was killed, or whose database was away when it started, is restarted, as by a service manager.
 
-        Raises a `RuntimeError` where it ended with another fault.
+        Raises a `RuntimeError` if it ended with another fault.
         """
         if self.process is None:
             return True
@@ -102,7 +102,7 @@ class Operator:
         return True
 
     def pids(self, what: str) -> list[int]:
-        """Return the processes of one kind, by their command lines, and note what all of them have used."""
+        """Return the processes of one kind, by their command lines, and record the processor time of all of them."""
         found = []
         for folder in Path("/proc").iterdir():
             with contextlib.suppress(OSError, ValueError):
@@ -122,20 +122,20 @@ class Operator:
         return (self.folder / "flights" / ADDRESS).read_text(encoding="ascii").strip()
 
     def order(self, do: str, **what: Any) -> tuple[float, dict[str, Any]]:
-        """Have something done to its world; returns the time there, seconds after the beginning, and the answer."""
+        """Send a command to its world; return the time there, seconds after the beginning, and the answer."""
         with contextlib.closing(LockstepClient(self.address(), "bench")) as world:
             answer = world.order(do, **what)
             return world.now_s(), answer
 
     def look(self) -> tuple[float, dict[str, Any]] | None:
-        """Return the time in its world, and where its drones really are; None where there is no world."""
+        """Return the time in its world, and the true positions of its drones; None if there is no world."""
         try:
             return self.order("look")
         except (OSError, LinkLostError):
             return None
 
     def air_h(self) -> float:
-        """Hours that its drones have flown, by the log of its world."""
+        """Return the flight hours of its drones, from the log of its world."""
         since: dict[str, float] = {}
         total_s = last_s = 0.0
         with contextlib.suppress(OSError), (self.folder / "flights" / EVENTS).open(encoding="utf-8") as log:

@@ -1,1 +1,1 @@
-"""Electric routing problems with published answers: readers, an independent checker, proved optima of small ones."""
+"""Electric vehicle routing problems with published solutions: readers, an independent checker, proved optima of small ones."""

@@ -1,7 +1,7 @@
-"""An independent judge of solutions: it shares no code with the solver, and knows of the instances only what their files say.
+"""An independent checker of solutions: it shares no code with the solver, and uses only the instance files.
 
-Charges of a route of the first set are found by a linear program: times and amounts are variables, so any feasible amounts are found, and
-infeasibility is proved. Routes of the second set are driven minute by minute.
+Charges of a route of the first set are found by a linear program: times and amounts are variables, so feasible amounts are found if they exist, and
+infeasibility is proved. Routes of the second set are simulated minute by minute.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ def distance_of(instance: evrptw.Instance, routes: Sequence[Sequence[str]]) -> f
 
 
 def faults(instance: evrptw.Instance, routes: Sequence[Sequence[str]]) -> list[str]:
-    """What is wrong with a solution of the first set; nothing: it is feasible."""
+    """Return the faults of a solution of the first set; empty if it is feasible."""
     found = []
     kind = dict(zip(instance.ids, instance.kind, strict=True))
     demand = dict(zip(instance.ids, instance.demand.tolist(), strict=True))
@@ -49,7 +49,7 @@ def faults(instance: evrptw.Instance, routes: Sequence[Sequence[str]]) -> list[s
 
 
 def can_be_driven(instance: evrptw.Instance, route: Sequence[str]) -> bool:
-    """Whether there are times and charges that keep the windows and the battery.
+    """Whether there are times and charges that keep the windows and the battery limits.
 
     Variables of each stop i: begin of service t_i, energy on arrival e_i, charge x_i (0 but at stations).
     """
@@ -81,7 +81,7 @@ def can_be_driven(instance: evrptw.Instance, route: Sequence[str]) -> bool:
 
 
 def overnight_faults(instance: overnight.Instance, solution: overnight.Solution) -> list[str]:
-    """What is wrong with a solution of the second set; nothing: it is feasible, and its cost is right."""
+    """Return the faults of a solution of the second set; empty if it is feasible and its cost is correct."""
     found = []
     depot = len(instance.window) - 1
     heads = [instance.links[link].head for route in solution.routes for link in route.links]

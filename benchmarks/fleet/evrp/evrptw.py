@@ -26,12 +26,12 @@ SMALL = ("c101C5", "c103C5", "r104C5", "rc105C5", "c101C10", "r102C10", "rc108C1
 
 
 REFUSAL = 1e6
-"""Every customer is served."""
+"""Cost of refusing a customer, so high that every customer is served."""
 
 
 @dataclass(frozen=True)
 class Instance:
-    """An instance as its file has it; arrays have shape (places,), the depot first."""
+    """An instance of its file; arrays have shape (places,), the depot first."""
 
     name: str
     ids: tuple[str, ...]
@@ -46,9 +46,9 @@ class Instance:
     battery: float
     capacity: float
     consumption: float
-    """Energy for a unit of distance."""
+    """Energy per unit of distance."""
     refuelling: float
-    """Time for a unit of energy."""
+    """Charging time per unit of energy."""
     velocity: float
 
     @property
@@ -83,7 +83,7 @@ def read(name: str) -> Instance:
 
 
 def tours_of(instance: Instance) -> tuple[Tours, list[str], list[str]]:
-    """Return the problem of the tours' room, and the ids of its nodes and stations."""
+    """Return the problem for `planner.tours`, and the ids of its nodes and stations."""
     distance = instance.distance[None]
     refusal = np.full(len(instance.ids), REFUSAL)
     visits = Visits(
@@ -99,7 +99,7 @@ def tours_of(instance: Instance) -> tuple[Tours, list[str], list[str]]:
 
 
 def routes_of(search: Search, nodes: Sequence[str], stations: Sequence[str]) -> list[list[str]]:
-    """Return the routes of the best plan by ids, with their stations."""
+    """Return the routes of the best plan as ids, with their stations."""
     station = search.tours.ways.station
     routes = []
     for vehicle in np.flatnonzero(search.best.length):
@@ -113,7 +113,7 @@ def routes_of(search: Search, nodes: Sequence[str], stations: Sequence[str]) -> 
 
 
 def best_known() -> dict[str, BestKnown]:
-    """Best known solutions by the name of the instance."""
+    """Return the best known solutions by the name of the instance."""
     found = {}
     with (FOLDER / "bks-evrptwpr_part.csv").open(encoding="utf-8") as file:
         for row in csv.DictReader(file, delimiter="\t"):

@@ -1,7 +1,7 @@
 """Proved optima of small instances of the first set, by code that shares none with the solver.
 
-Every set of customers that one vehicle can serve is found with its shortest tour, by labels over (set served, place) in plain Python, with any number
-of stations between customers. HiGHS then proves the best choice of them.
+Every set of customers that one vehicle can serve is found with its shortest tour, by label setting over (set served, place) in plain Python, with any number
+of stations between customers. HiGHS then proves the best selection of them.
 """
 
 from __future__ import annotations
@@ -16,19 +16,19 @@ if TYPE_CHECKING:
     from benchmarks.fleet.evrp.evrptw import Instance
 
 VEHICLE = 1e4
-"""A vehicle counts more than any distance."""
+"""Cost of a vehicle, above any distance."""
 TINY = 1e-9
 
 
 class Proof(NamedTuple):
-    """Fewest vehicles, and the least distance with so many."""
+    """Least number of vehicles, and the least distance with that number."""
 
     vehicles: int
     distance: float
 
 
 class Stand(NamedTuple):
-    """How a vehicle can stand at a place: with the energy `low` from `time` on, and more with each unit of time, up to `high`."""
+    """State of a vehicle at a place: energy `low` at `time`, and more with each unit of time, up to `high`."""
 
     distance: float
     time: float
@@ -53,7 +53,7 @@ def prove(instance: Instance) -> Proof:
 
 
 def shortest_tours(instance: Instance) -> dict[int, float]:
-    """Length of the shortest tour of each set of customers that one vehicle can serve; sets are bits."""
+    """Length of the shortest tour of each set of customers that one vehicle can serve; sets are bit masks."""
     customers = [number for number, kind in enumerate(instance.kind) if kind == "c"]
     stations = [number for number, kind in enumerate(instance.kind) if kind == "f"]
     bit = {place: 1 << number for number, place in enumerate(customers)}
@@ -63,7 +63,7 @@ def shortest_tours(instance: Instance) -> dict[int, float]:
     while waiting:
         mask, place, stand = waiting.pop()
         if stand not in front[mask, place]:
-            continue  # another one covers it by now
+            continue  # dominated meanwhile
         back = _arrive(instance, place, 0, stand)
         if back is not None and mask:
             shortest[mask] = min(shortest.get(mask, np.inf), back.distance)
@@ -93,7 +93,7 @@ def shortest_tours(instance: Instance) -> dict[int, float]:
 
 
 def _arrive(instance: Instance, tail: int, head: int, stand: Stand) -> Stand | None:
-    """How it can stand at the next place when service begins; None: it cannot be there in time, or not at all."""
+    """State at the next place when service begins; None if it cannot be reached in time, or at all."""
     gap = float(np.hypot(*(instance.place[head] - instance.place[tail])))
     g, taken = instance.refuelling, gap * instance.consumption
     if stand.high - taken < -TINY:
@@ -112,7 +112,7 @@ def _arrive(instance: Instance, tail: int, head: int, stand: Stand) -> Stand | N
 
 
 def _covers(instance: Instance, one: Stand, other: Stand) -> bool:
-    """Whether one is as good in all."""
+    """Whether one state dominates another."""
     if one.distance > other.distance + TINY or one.time > other.time + TINY or one.high < other.high - TINY:
         return False
     return min(one.high, one.low + (other.time - one.time) / instance.refuelling) >= other.low - TINY

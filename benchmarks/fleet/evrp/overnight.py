@@ -25,7 +25,7 @@ NAMES = (
 PERIOD = 10.0
 """Times are in tenths of a minute, periods are minutes."""
 REFUSAL = 1e7
-"""Every customer is served."""
+"""Cost of refusing a customer, so high that every customer is served."""
 
 
 @dataclass(frozen=True)
@@ -41,25 +41,25 @@ class Link:
 
 @dataclass(frozen=True)
 class Instance:
-    """An instance as its file has it; node 0 is the depot, and so is the last."""
+    """An instance of its file; node 0 is the depot, and so is the last."""
 
     name: str
     chargers: int
     window: tuple[tuple[int, int], ...]
     load: tuple[int, ...]
     links: tuple[Link, ...]
-    """By their number in the file."""
+    """Links by their number in the file."""
     capacity: int
     battery: int
     first_period: int
     last_period: int
     periods: NDArray[np.int64]
-    """Shape (energies,): periods that charge so much."""
+    """Shape (energies,): periods that charge this energy."""
 
 
 @dataclass(frozen=True)
 class Charged:
-    """A route of a solution: its links by number, the periods in which it charges, both included, and when it departs (minutes)."""
+    """A route of a solution: its links by number, the first and last period of its charge, and its departure (minutes)."""
 
     links: tuple[int, ...]
     first_period: int
@@ -113,7 +113,7 @@ def read(name: str) -> Instance:
 
 
 def tours_of(instance: Instance) -> tuple[Tours, NDArray[np.int64]]:
-    """Return the problem of the tours' room, and the number of the link behind each of its arcs, shape (parallel, nodes, nodes)."""
+    """Return the problem for `planner.tours`, and the number of the link of each of its arcs, shape (parallel, nodes, nodes)."""
     nodes = len(instance.window) - 1
     number = np.full((2, nodes, nodes), -1, dtype=np.int64)
     for index, link in enumerate(instance.links):

@@ -8,7 +8,7 @@ from benchmarks.fleet.evrp.evrptw import Instance
 
 
 def random_instance(seed: int, *, customers: int, stations: int) -> Instance:
-    """Return an instance in which a vehicle can serve each customer alone: the battery reaches there and back.
+    """Return an instance in which a vehicle can serve each customer alone: the battery suffices for the round trip.
 
     Some windows are narrow, some wide, and charging is fast or slow.
     """

@@ -15,7 +15,6 @@ from skyway.models.wind.estimation.roughness import roughness
 from skyway.models.wind.observed.reading import STATION_ERROR_MPS
 from skyway.planner.online.evaluated import RollingRobust
 from skyway.planner.online.information import FlightMemory, Information
-from skyway.planner.online.options import along_way
 from skyway.planner.problem.error_model import USUAL_ERRORS
 
 if TYPE_CHECKING:
@@ -102,7 +101,7 @@ class InAir:
         network = self.start.network
         ids = [one.id for one in network.stations]
         rest = seen.segments[seen.segments.index(seen.segment) :]
-        ends = [ids[int(network.head[one])] for one in rest]
+        ends = [ids[int(network.head[one])] for one in rest] if seen.turned is None else [ids[seen.turned]]
         belief, used = self.belief(seen.flights), seen.told_off - seen.told
         modelled = self._modelled(seen.time_s - seen.off_s)
         info = Information(
@@ -128,27 +127,21 @@ class InAir:
         if decision.action == "land":
             return HERE
         if decision.action in ("divert", "station") and decision.station is not None:
+            self._next_look_s[key] = 0.0  # now it flies elsewhere
             return network.index[decision.station]
         return None
 
     def _note(self, seen: Aloft) -> None:
         """Keep what was measured, averaged over slots as `fly` does; the slot under way grows."""
-        self._measured_at[seen.run] = self._place(seen.segment, seen.share)
+        self._measured_at[seen.run] = seen.place
         measured = self._measured.setdefault(seen.run, {})
         for slot, found in groupby(seen.pieces, lambda one: one.time_s // MEASURED_S):
             some = list(found)
-            places = [self._place(one.segment, one.share) for one in some]
             time_s, lat, lon, north, east = np.mean(
-                [(one.time_s, *place, *one.wind) for one, place in zip(some, places, strict=True)], axis=0
+                [(one.time_s, *one.place, *one.wind) for one in some], axis=0
             ).tolist()
             variance = VARIANCE + slot_variance(math.hypot(north, east), some[-1].time_s - some[0].time_s)
             measured[slot] = WindObservation(time_s, lat, lon, north, east, variance, self._height_m)
 
     def _modelled(self, flight_s: float) -> float:
         return float(self.start.soc_fixed + self.start.soc_per_s * flight_s)
-
-    def _place(self, segment: int, share: float) -> Place:
-        network = self.start.network
-        tail, head = int(network.tail[segment]), int(network.head[segment])
-        way = [(float(network.lat[node]), float(network.lon[node])) for node in (tail, head)]
-        return along_way(way, share * float(network.distance_m[segment]))

@@ -1,4 +1,4 @@
-"""Command of a delivery: one person among all who watch; another person asks for it, and is given it or refused."""
+"""Command authority over a delivery: held by one of the persons who watch it; others request it, and the holder grants or refuses it."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ if TYPE_CHECKING:
     from skyway.link.supervisor.operators import Said
 
 SILENT_S = 20.0
-"""Who has command and does not answer for so long has left: it goes to the one who asks."""
+"""Time after which a holder who has not answered a request loses command to the requester, s."""
 WORDS = ("take", "give", "keep")
-"""What is said about command itself: ask for it; give it to the one who asks, or keep it."""
+"""Commands about command authority itself: request it; grant it to the requester; or keep it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,21 +26,21 @@ class Person:
 
 @dataclass(slots=True)
 class Commander:
-    """Command of one delivery. Commands at the console of the program itself do not need it."""
+    """Command authority over one delivery. Commands at the program's own console do not need it."""
 
     holder: Person | None = None
-    """Who has it."""
-    asker: Person | None = None
-    """Who asks for it."""
-    asked_s: float = 0.0
-    """Since when, by the clock of this computer."""
+    """The person who has command."""
+    requester: Person | None = None
+    """The person who requests command."""
+    requested_s: float = 0.0
+    """Time of the request by this computer's clock, POSIX seconds."""
 
     def restore(self, holder: Person | None) -> None:
         """Restore command from a journal."""
-        self.holder, self.asker = holder, None
+        self.holder, self.requester = holder, None
 
     def refuse(self, said: Said) -> str:
-        """Return why somebody may not give orders; empty where they may."""
+        """Return why a person may not give orders; empty if the person may."""
         if self.holder is None:
             return "nobody has command: press Take command first"
         if self.holder.id != said.who:
@@ -48,34 +48,34 @@ class Commander:
         return ""
 
     def hear(self, said: Said, now_s: float) -> tuple[bool, str]:
-        """Hear one of `WORDS`; returns whether it is taken, and what becomes of command."""
+        """Process one of `WORDS`; return whether it is accepted, and its effect in words."""
         person = Person(said.who, said.name or "somebody")
         if said.word == "take":
-            return self._asked(person, now_s)
+            return self._request(person, now_s)
         if self.holder is None or self.holder.id != person.id:
             return False, f"{person.name} does not have command"
-        if self.asker is None:
+        if self.requester is None:
             return False, "nobody asks for command"
-        asker, self.asker = self.asker, None
+        requester, self.requester = self.requester, None
         if said.word == "keep":
-            return True, f"{person.name} keeps command; {asker.name} had asked for it"
-        self.holder = asker
-        return True, f"{person.name} gave command to {asker.name}"
+            return True, f"{person.name} keeps command; {requester.name} had asked for it"
+        self.holder = requester
+        return True, f"{person.name} gave command to {requester.name}"
 
-    def _asked(self, person: Person, now_s: float) -> tuple[bool, str]:
+    def _request(self, person: Person, now_s: float) -> tuple[bool, str]:
         if self.holder is None:
             self.holder = person
             return True, f"{person.name} has command"
         if self.holder.id == person.id:
             return False, f"{person.name} has command already"
-        if self.asker is not None:
-            return False, f"{self.asker.name} asks for command already"
-        self.asker, self.asked_s = person, now_s
+        if self.requester is not None:
+            return False, f"{self.requester.name} asks for command already"
+        self.requester, self.requested_s = person, now_s
         return True, f"{person.name} asks {self.holder.name} for command, who has {duration(SILENT_S)} to keep it"
 
     def overdue(self, now_s: float) -> str:
-        """Give command to the asker where nobody has answered in time; returns what happened, or nothing."""
-        if self.asker is None or self.holder is None or now_s < self.asked_s + SILENT_S:
+        """Give command to the requester if the holder has not answered in time; return what happened, or an empty string."""
+        if self.requester is None or self.holder is None or now_s < self.requested_s + SILENT_S:
             return ""
-        before, self.holder, self.asker = self.holder, self.asker, None
+        before, self.holder, self.requester = self.holder, self.requester, None
         return f"{self.holder.name} took command: {before.name} had not answered for {duration(SILENT_S)}"

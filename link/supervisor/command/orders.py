@@ -15,11 +15,11 @@ if TYPE_CHECKING:
     from skyway.link.supervisor.operators import Said
 
 DEFERRED = ("pause", "go", "divert", "return", "land", UNDELIVERED)
-"""Orders that are carried out between two looks at a flight; `stay` and `leave` count at once."""
+"""Commands that are executed at the next step of the flight; `stay` and `leave` take effect at once."""
 
 
 def offered(ctx: Context) -> tuple[str, ...]:
-    """Return the words that the operator may type now; one for each station the drone can be sent to."""
+    """Return the commands that the operator may type now; one for each station to which the drone can be sent."""
     from skyway.link.pads import ManualPads
 
     talk = ctx.conversation
@@ -52,7 +52,7 @@ def _in_the_air(ctx: Context) -> tuple[str, ...]:
 
 
 def refuges(ctx: Context) -> tuple[str, ...]:
-    """Return stations that it can be sent to now: inside its fence, the one that was planned among them."""
+    """Return the stations to which the drone can be sent now: those inside its fence, including the planned one."""
     leg, plan = ctx.delivery.leg, ctx.delivery.plan
     if leg is None or plan is None:
         return ()
@@ -63,7 +63,7 @@ def refuges(ctx: Context) -> tuple[str, ...]:
 
 
 def matching(word: str, words: tuple[str, ...]) -> str | None:
-    """Return the one of some words that was meant; ``charged 83`` is ``charged`` with a figure."""
+    """Return the word that an input matches, or None; ``charged 83`` is ``charged`` with a value."""
     plain = " ".join(word.split()).casefold()
     if "charged" in words and plain.split(" ")[0] == "charged":
         return plain
@@ -71,7 +71,7 @@ def matching(word: str, words: tuple[str, ...]) -> str | None:
 
 
 def obey(ctx: Context) -> After | None:
-    """Carry out what was ordered since the last look; None flies on."""
+    """Execute the next pending command; None continues the flight."""
     said = ctx.conversation.next_order()
     leg = ctx.delivery.leg
     if said is None or leg is None:
@@ -96,7 +96,7 @@ def obey(ctx: Context) -> After | None:
 
 
 def _call_off(ctx: Context, by: str) -> After | None:
-    """Send the package back or on; one that flies on to where it was going does so, or stands, as before."""
+    """Divert the package to its destination for undelivered packages, or back. If the drone continues to its target, its hold, if any, stays."""
     after = call_off(ctx, refuges(ctx), by)
     if after is not None:
         _fly_again(ctx)
@@ -104,13 +104,13 @@ def _call_off(ctx: Context, by: str) -> After | None:
 
 
 def _fly_again(ctx: Context) -> None:
-    """Forget the order to hover on its way: it is sent elsewhere."""
+    """Cancel a hold in the air: the drone is sent elsewhere."""
     ctx.conversation.pause(on=False)
     ctx.give_way.end()
 
 
 def _hold(ctx: Context, said: Said, *, pauses: bool) -> None:
-    """Have it stop on its way, or go on."""
+    """Hold the vehicle at its position, or continue."""
     leg = ctx.delivery.leg
     if leg is None or pauses is (ctx.conversation.paused if pauses else ctx.stands_in_air):
         return
@@ -125,7 +125,7 @@ def _hold(ctx: Context, said: Said, *, pauses: bool) -> None:
     ctx.conversation.pause(on=pauses)
     if not pauses:
         ctx.give_way.overrule()
-    leg.learn_nothing()  # it hovers, which tells nothing of its flights
+    leg.learn_nothing()  # the energy of a hover is no measure for flights
     leg.command(leg.commanded_mps, ctx.now_s)
     word = "the drone has stopped, and is still supervised" if pauses else "the drone flies on"
     ctx.say(Ordered(word=said.word, id=said.id or None, done="done"), word)

@@ -1,6 +1,6 @@
 """Commands by file: the operator's page appends one line for each; the supervisor reads them.
 
-A line stays when the page is killed, and the supervisor takes each once: by its id, which it journals before it does anything.
+A line persists if the page is killed. The supervisor executes each request once: it journals the id of the request first.
 """
 
 from __future__ import annotations
@@ -23,34 +23,34 @@ if TYPE_CHECKING:
 
 ENDING = ".orders"
 MAX_LINE = 2048
-"""Bytes of a request."""
+"""Maximum length of a request, bytes."""
 _PIECE = 64 * 1024
 _APPENDED = os.O_WRONLY | os.O_APPEND | os.O_CREAT | getattr(os, "O_NOFOLLOW", 0)
-"""A link that somebody has put there leads to no other file."""
+"""Open flags; a symbolic link at the path is not followed."""
 
 
 class Request(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """One line: something that a person orders, or answers."""
+    """One line: a command or an answer of a person."""
 
     id: str
-    """Of its own: a request that is written twice counts once."""
+    """Unique id; a request that is written twice counts once."""
     word: str
     """Such as ``pause``, ``divert columbia`` or ``yes``."""
     who: str
-    """The browser session."""
+    """Browser session."""
     name: str
-    """What the person is called."""
+    """Name of the person."""
     time_s: float
-    """When it was requested, POSIX seconds of this computer."""
+    """Time of the request by this computer's clock, POSIX seconds."""
     about: int | None = None
-    """Number of the record with the question that it answers."""
+    """Number of the journal record with the question that it answers."""
 
 
 _DECODER = msgspec.json.Decoder(Request)
 
 
 def request(path: Path, wanted: Request) -> None:
-    """Append a request; it is on disk when this returns. Raises an `InputError` if it cannot be written."""
+    """Append a request; it is on disk on return. Raises an `InputError` if it cannot be written."""
     line = msgspec.json.encode(wanted) + b"\n"
     try:
         handle = os.open(path, _APPENDED, 0o600)
@@ -65,14 +65,14 @@ def request(path: Path, wanted: Request) -> None:
 
 @dataclass(slots=True)
 class RequestFile:
-    """An operator who sends commands by a file; see `link.supervisor.operators.Operator`."""
+    """An operator whose commands come from a file; see `link.supervisor.operators.Operator`."""
 
     path: Path
     show: Callable[[str], None]
-    """Takes a line for people."""
+    """Displays a line."""
     interrupts: int = 0
     present: bool = True
-    """Somebody may always come back."""
+    """Always true: a person may open the page at any time."""
     _at: int = 0
     _rest: bytes = b""
     _said: deque[Said] = field(default_factory=deque)
@@ -91,8 +91,8 @@ class RequestFile:
         """Show a question."""
         self.show(f"? {question}")
 
-    def heard(self) -> Said | None:
-        """Return the next request that was written, with its age; a line that is none is passed over."""
+    def next_input(self) -> Said | None:
+        """Return the next request of the file, with its age; invalid lines are skipped."""
         self._read()
         return self._said.popleft() if self._said else None
 
@@ -102,7 +102,7 @@ class RequestFile:
                 file.seek(self._at)
                 found = file.read(_PIECE)
         except OSError:
-            return  # it is checked again a second later
+            return  # the supervisor checks again one second later
         self._at += len(found)
         *lines, rest = (self._rest + found).split(b"\n")
         self._rest = rest if len(rest) <= MAX_LINE else b""
@@ -112,7 +112,14 @@ class RequestFile:
                     self._said.append(_said(_DECODER.decode(line)))
 
 
-def _said(asked: Request) -> Said:
-    name = "".join(one for one in asked.name[:40] if one.isprintable()).strip()
-    age_s = max(time.time() - asked.time_s, 0.0)
-    return Said(asked.word[:120], id=asked.id[:64], who=asked.who[:64], name=name, about=asked.about, age_s=age_s)
+def _said(requested: Request) -> Said:
+    name = "".join(one for one in requested.name[:40] if one.isprintable()).strip()
+    age_s = max(time.time() - requested.time_s, 0.0)
+    return Said(
+        requested.word[:120],
+        id=requested.id[:64],
+        who=requested.who[:64],
+        name=name,
+        about=requested.about,
+        age_s=age_s,
+    )

@@ -1,11 +1,11 @@
-"""The briefing before a take-off: the checklist as it is completed, and then everything that a yes confirms."""
+"""The briefing before a take-off: the checklist as it is completed, and then everything that the operator's "yes" confirms."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 from zoneinfo import ZoneInfo
 
-from skyway.link.supervisor.departure.parameter_changes import told
+from skyway.link.supervisor.departure.parameter_changes import change_lines
 from skyway.link.supervisor.journal.entries import Briefed, CheckDone, Waiting
 from skyway.link.supervisor.journal.parts import ParameterToSet, winds
 from skyway.models.base.formatting import duration, percent, zone_clock
@@ -16,9 +16,9 @@ if TYPE_CHECKING:
     from skyway.link.supervisor.legs import Leg
 
 LATE_S = 120.0
-"""The times of a plan are told with the departure that they count from, where that is so far from now."""
+"""The take-off time is stated with the times of a plan if it is at least this far ahead, s."""
 REMIND_S = 30.0
-"""What holds a take-off up is told again after so long."""
+"""Interval at which the reason of a delayed take-off is shown again, s."""
 
 
 class Checklist:
@@ -30,7 +30,7 @@ class Checklist:
         self._reminded_s = ctx.clock.now_s()
 
     def take(self, check: Check) -> Check:
-        """Take an entry; time passes, so that the operator and the vehicle are heard between two of them."""
+        """Take an entry; time passes between two of them, so that input and messages are processed."""
         if self._verdicts.get(check.name) != check.verdict:
             self._verdicts[check.name] = check.verdict
             entry = CheckDone(name=check.name, verdict=check.verdict, said=check.said, waits=check.waits)
@@ -39,7 +39,7 @@ class Checklist:
         return check
 
     def waits(self, reason: str, left_s: float) -> None:
-        """Print from time to time the reason for a wait, and how long it still lasts."""
+        """Print at intervals the reason for a wait, and its remaining time."""
         now = self._ctx.clock.now_s()
         if now < self._reminded_s + REMIND_S:
             return
@@ -60,7 +60,7 @@ def brief(ctx: Context, leg: Leg) -> None:
         f"wind on the way: {wind} ({ctx.wind.origin})",
         f"divert stations on the way: {', '.join(leg.diverts)}",
     ]
-    lines += told(changes, restored=ctx.job.restore_parameters)
+    lines += change_lines(changes, restored=ctx.job.restore_parameters)
     if first:
         lines += ["what the drone does without commands:", *(f"  {line}" for line in alone)]
     to_set = tuple(ParameterToSet(name=one.name, now=one.before, then=one.after, why=one.why) for one in changes)
@@ -80,7 +80,7 @@ def brief(ctx: Context, leg: Leg) -> None:
 
 
 def _flight_line(ctx: Context, leg: Leg) -> str:
-    """The requested flight; legs are numbered from 1."""
+    """The requested flight in words; legs are numbered from 1."""
     left = len(ctx.delivery.plan.services) if ctx.delivery.plan is not None else 1
     number = ctx.delivery.flight + 1
     kept = f" (reserve {percent(ctx.job.request.reserve_soc)})"
@@ -92,7 +92,7 @@ def _flight_line(ctx: Context, leg: Leg) -> str:
 
 
 def _delivery_lines(ctx: Context) -> list[str]:
-    """When the package arrives, by the plan in force."""
+    """Delivery time of the package by the plan in force, in words."""
     plan = ctx.delivery.plan
     if plan is None:
         return []

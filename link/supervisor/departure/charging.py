@@ -1,4 +1,4 @@
-"""Actions at a pad: request one until it is free, charge, and set the battery counter of the vehicle."""
+"""Actions at a pad: request one until it is free, charge, and set the vehicle's battery counter."""
 
 from __future__ import annotations
 
@@ -20,36 +20,36 @@ if TYPE_CHECKING:
 
 POLL_S = 10.0
 DOUBT_SOC, FASTER = 0.1, 0.5
-"""A pad that finds more charge than was there by so much is doubted until so much of the time has passed that it takes."""
+"""A reported charge that is higher by more than the first value is doubted until the second share of the modelled
+charging time has passed."""
 SHORT_SOC = 0.01
-"""A charge that is less short of what was requested counts as it."""
+"""A charge that is lower than requested by less than this counts as reached."""
 REDECIDE_S = 600.0
-"""A drone that waits for a pad, or is still to be charged for longer, thinks again this often: others come and leave, and hours of the forecast begin."""
+"""Interval, s, at which a drone that waits for a pad, or has long to charge, decides again: other drones arrive and
+leave, and new hours of the forecast begin."""
 
 
 def waiting(ctx: Context) -> After:
-    """Ask for a pad until there is one."""
+    """Request a pad until one is free."""
     begun_s = ctx.now_s
     said = ""
     rest(ctx)
     while True:
         try:
-            told = ctx.pads.charge(ctx.delivery.station or "", ctx.observed.system, ctx.delivery.charge_to or 1.0)
+            on_pad = ctx.pads.charge(ctx.delivery.station or "", ctx.observed.system, ctx.delivery.charge_to or 1.0)
         except PadServiceError as error:
             if str(error) != said:
                 said = str(error)
                 ctx.note(PadAnswered(answer="refused"), said)
                 ctx.tell(f"no pad at {ctx.delivery.station} yet: {said}. Asking again every {duration(POLL_S)}")
         else:
-            if told.state in ("charging", "done"):
-                _note_pad(ctx, told)
+            if on_pad.state in ("charging", "done"):
+                _note_pad(ctx, on_pad)
                 return State.CHARGING, f"on a pad at {ctx.delivery.station}"
-            line = (
-                f"waiting for a pad at {ctx.delivery.station}, {told.place_in_line} drones ahead in line. Nothing to do"
-            )
+            line = f"waiting for a pad at {ctx.delivery.station}, {on_pad.place_in_line} drones ahead in line. Nothing to do"
             if line != said:
                 said = line
-                _note_pad(ctx, told)
+                _note_pad(ctx, on_pad)
                 ctx.tell(line)
         if ctx.now_s > begun_s + REDECIDE_S:
             return State.REPLANNING, f"no pad was free for {duration(REDECIDE_S)}: deciding again"
@@ -57,7 +57,7 @@ def waiting(ctx: Context) -> After:
 
 
 def charging(ctx: Context) -> After:
-    """Wait until it is charged."""
+    """Wait until the battery is charged."""
     target = ctx.delivery.charge_to or 1.0
     compared = ctx.delivery.charged
     job = ctx.job
@@ -72,32 +72,32 @@ def charging(ctx: Context) -> After:
                 f"charge the battery at {ctx.delivery.station}, then start again with --resume: nobody can type charged here",
             )
         try:
-            told = ctx.pads.charge(ctx.delivery.station or "", ctx.observed.system, target)
+            on_pad = ctx.pads.charge(ctx.delivery.station or "", ctx.observed.system, target)
         except PadServiceError as error:
             ctx.note(PadAnswered(answer="refused"), str(error))
             return State.REPLANNING, f"charging was interrupted, deciding again: {error}"
-        if told.state == "waiting":
+        if on_pad.state == "waiting":
             return State.WAITING, "the pad was given to another drone: waiting for a free one"
-        if told.soc is not None and not 0.0 <= told.soc <= 1.0:
-            told = _doubted(ctx, told, "not a state of charge")
-        if told.soc is not None and ctx.now_s < begun_s + _least_s(ctx, soc, told.soc):
-            told = _doubted(ctx, told, "faster than any charger")
-        if told.soc is not None:
+        if on_pad.soc is not None and not 0.0 <= on_pad.soc <= 1.0:
+            on_pad = _doubted(ctx, on_pad, "not a state of charge")
+        if on_pad.soc is not None and ctx.now_s < begun_s + _least_s(ctx, soc, on_pad.soc):
+            on_pad = _doubted(ctx, on_pad, "faster than any charger")
+        if on_pad.soc is not None:
             if not compared:
                 compared = True
-                ctx.battery.compare(ctx, told.soc)
-            ctx.battery.measured(told.soc)
-        if told.state == "done" or (told.soc is not None and told.soc >= target - 1e-6):
+                ctx.battery.compare(ctx, on_pad.soc)
+            ctx.battery.measured(on_pad.soc)
+        if on_pad.state == "done" or (on_pad.soc is not None and on_pad.soc >= target - 1e-6):
             break
-        left = POLL_S if told.done_s is None else told.done_s - ctx.now_s
-        if thinks and told.soc is not None and left > REDECIDE_S and ctx.now_s > begun_s + REDECIDE_S:
+        left = POLL_S if on_pad.done_s is None else on_pad.done_s - ctx.now_s
+        if thinks and on_pad.soc is not None and left > REDECIDE_S and ctx.now_s > begun_s + REDECIDE_S:
             break
         ctx.wait_until(ctx.now_s + min(max(left + 0.5, 1.0), 60.0))
-        if told.soc is not None:
-            ctx.battery.measured(told.soc)
-    _note_pad(ctx, told)
+        if on_pad.soc is not None:
+            ctx.battery.measured(on_pad.soc)
+    _note_pad(ctx, on_pad)
     wake(ctx)
-    _reset_counter(ctx, told.soc)
+    _reset_counter(ctx, on_pad.soc)
     ctx.delivery.charge_done()
     reached = f"charged to {percent(ctx.battery.soc)}"
     ctx.tell(f"{reached} at {ctx.delivery.station}")
@@ -108,19 +108,19 @@ def charging(ctx: Context) -> After:
 
 
 def _least_s(ctx: Context, before: float, after: float) -> float:
-    """How long it takes at least to charge from one state to another."""
+    """Least time to charge from one SoC to another, s."""
     curve = ctx.job.scenario.drone(ctx.job.request.drone or "").charging_curve()
     return FASTER * float(curve.duration_s(before, np.float64(after))) if after > before + DOUBT_SOC else 0.0
 
 
-def _doubted(ctx: Context, told: DroneOnPad, why: str) -> DroneOnPad:
-    """What is left of an answer that cannot be: the pad is ours, and nothing else is known."""
-    ctx.note(PadAnswered(answer="doubted", soc=told.soc), f"the pad reports {told.soc}: {why}; asking again")
-    return DroneOnPad(drone=told.drone, state="charging", to_soc=told.to_soc)
+def _doubted(ctx: Context, on_pad: DroneOnPad, why: str) -> DroneOnPad:
+    """Replace an implausible answer of a pad: the drone is on the pad and charges, its SoC is unknown."""
+    ctx.note(PadAnswered(answer="doubted", soc=on_pad.soc), f"the pad reports {on_pad.soc}: {why}; asking again")
+    return DroneOnPad(drone=on_pad.drone, state="charging", to_soc=on_pad.to_soc)
 
 
 def _hear_charged(ctx: Context) -> None:
-    """Where people charge, they say ``charged``, or ``charged 83`` for 83 %."""
+    """Process the input ``charged``, or ``charged 83`` for 83 %, where people charge batteries."""
     while isinstance(ctx.pads, ManualPads) and (said := ctx.conversation.next_word()) is not None:
         word, _, percent = said.partition(" ")
         if word != "charged":
@@ -133,7 +133,7 @@ def _hear_charged(ctx: Context) -> None:
 
 
 def _reset_counter(ctx: Context, soc: float | None) -> None:
-    """Tell an autopilot that counts charge what the battery holds; one that estimates it refuses, and that is right."""
+    """Set the battery counter of an autopilot that counts charge; one that estimates charge refuses this, which is correct."""
     if soc is None:
         return
     ctx.battery.forget()
@@ -147,13 +147,13 @@ def _reset_counter(ctx: Context, soc: float | None) -> None:
         ctx.battery.counter_set(ctx.now_s, reported)
 
 
-def _note_pad(ctx: Context, told: DroneOnPad) -> None:
+def _note_pad(ctx: Context, on_pad: DroneOnPad) -> None:
     answer = PadAnswered(
-        answer=told.state,
-        soc=told.soc,
-        to_soc=told.to_soc,
-        place_in_line=told.place_in_line,
-        pad_free_s=told.pad_free_s,
-        done_s=told.done_s,
+        answer=on_pad.state,
+        soc=on_pad.soc,
+        to_soc=on_pad.to_soc,
+        place_in_line=on_pad.place_in_line,
+        pad_free_s=on_pad.pad_free_s,
+        done_s=on_pad.done_s,
     )
-    ctx.note(answer, f"{told.state} at {ctx.delivery.station}")
+    ctx.note(answer, f"{on_pad.state} at {ctx.delivery.station}")

@@ -1,4 +1,4 @@
-"""Actions before a take-off: make the leg, check, upload, ask, arm and start."""
+"""Actions before a take-off: build the leg, check, upload, ask, arm and start."""
 
 from __future__ import annotations
 
@@ -28,22 +28,22 @@ if TYPE_CHECKING:
     from skyway.link.supervisor.context import After, Context
     from skyway.link.supervisor.departure.preflight import Check
     from skyway.link.supervisor.legs import LegMission
-    from skyway.models.composition.composition import DroneService
+    from skyway.models.composition.service import DroneService
 
 CHECK_AGAIN_S, CHECK_PATIENCE_S = 5.0, 120.0
 UNKNOWN_PATIENCE_S = 840.0
-"""What is unknown may be waited for longer than what is known to be wrong: nearly as long as the state may last."""
+"""Maximum wait for unknown data, s: longer than for a known fault, and nearly as long as the state may last."""
 REPLAN_AGAIN_S = 10.0
 ARM_PATIENCE_S = 90.0
 TAKE_OFF_S = 60.0
 FRESH_S = 2.0
-"""So long we listen before a take-off, so that what is known is of now."""
+"""Time to receive telemetry before a take-off, s, so that the data are current."""
 UPLOADS = 3
 STARTS = 3
 
 
 def next_service(ctx: Context, speed_mps: float | None = None) -> DroneService:
-    """Return the leg to be flown next, with its divert stations and the ground speed that the wind gives, or this one."""
+    """Return the next leg, with its divert stations and ground speed in the wind; the given one if nothing changed."""
     if ctx.delivery.plan is None or not ctx.delivery.plan.services:
         raise Turn(State.STOPPED, _no_plan(ctx))
     service = ctx.delivery.plan.services[0]
@@ -60,7 +60,7 @@ def _no_plan(ctx: Context) -> str:
 
 
 def make_leg(ctx: Context, speed_mps: float | None = None) -> tuple[DroneService, LegMission]:
-    """Make the mission of the next leg."""
+    """Build the mission of the next leg."""
     if ctx.job.work is not None:
         service, flight = work_ground.next_flight(ctx)
         return service, flight.mission
@@ -80,7 +80,7 @@ def make_leg(ctx: Context, speed_mps: float | None = None) -> tuple[DroneService
 
 
 def preflight(ctx: Context) -> After:
-    """Go through the list until all is in order; what cannot come right stops, with the reason."""
+    """Go through the checklist until all entries are in order; a fault that cannot disappear ends the delivery with its reason."""
     wake(ctx)
     service, leg = make_leg(ctx)
     begun_s, shown = ctx.clock.now_s(), Checklist(ctx)
@@ -101,22 +101,22 @@ def preflight(ctx: Context) -> After:
         if unknown:
             must_answer(ctx, "; ".join(map(str, unknown)))
         elif not wrong or any(not check.waits for check in wrong):
-            break  # else what is wrong may follow from what is unknown
+            break  # a failed entry may follow from an unknown one
         patience_s = UNKNOWN_PATIENCE_S if len(unknown) == len(wrong) else CHECK_PATIENCE_S
         if waited_s >= patience_s:
             break
         shown.waits("; ".join(map(str, wrong)), patience_s - waited_s)
         ctx.wait(CHECK_AGAIN_S)
-    told = tuple(Checked(name=one.name, verdict=one.verdict, said=one.said) for one in checks)
+    checked = tuple(Checked(name=one.name, verdict=one.verdict, said=one.said) for one in checks)
     reason = "; ".join(map(str, wrong)) or "all checks passed"
-    ctx.note(ListDone(checks=told, failsafes=ctx.failsafes.values), reason)
+    ctx.note(ListDone(checks=checked, failsafes=ctx.failsafes.values), reason)
     if not wrong:
         return State.UPLOADING, reason
     return _after_preflight(ctx, wrong[0], reason)
 
 
 def _after_preflight(ctx: Context, first: Check, reason: str) -> After:
-    """Plan again where another station, more charge or another hour helps; else stop: never fly on unknown data."""
+    """Replan if another station, more charge or another hour helps; otherwise stop: never take off with unknown data."""
     if first.verdict == "unknown":
         return State.STOPPED, f"not ready for take-off: {reason}"
     if first.name == "attitude":
@@ -128,7 +128,7 @@ def _after_preflight(ctx: Context, first: Check, reason: str) -> After:
 
 
 def uploading(ctx: Context) -> After:
-    """Send fence, rally points and mission, and read them back."""
+    """Upload fence, rally points and mission, and read them back."""
     service, leg = make_leg(ctx)
     parts = (
         (MissionKind.FENCE, leg.document.fence if leg.document.fence.areas else None),
@@ -140,14 +140,14 @@ def uploading(ctx: Context) -> After:
         if reason:
             remedy = "Check the radio link, then continue with --resume"
             return State.STOPPED, f"the {kind.word} could not be uploaded: {reason}. {remedy}"
-    ctx.vehicle.changes()  # what we have just sent
+    ctx.vehicle.changes()  # the lists that were just uploaded
     ctx.vehicle.watch_lists(watched=True)
     ctx.delivery.take_leg(_new_leg(ctx, service, leg))
     return State.READY, f"the leg to {service.destination} is uploaded and verified"
 
 
 def _upload(ctx: Context, kind: MissionKind, part: Part | None) -> str:
-    """Upload one list, or clear it; returns why that was not possible. A lost link does not count as a try."""
+    """Upload one list, or clear it; return why that was not possible. A lost link does not count as an attempt."""
     reason = ""
     for _ in range(UPLOADS):
         try:
@@ -188,14 +188,16 @@ def _new_leg(ctx: Context, service: DroneService, mission: LegMission) -> Leg:
 
 
 def ready(ctx: Context) -> After:
-    """Ask for confirmation before the take-off, where that was requested."""
+    """Ask for confirmation of the take-off, if that is configured."""
     leg = ctx.delivery.leg
     if leg is None:
         return State.PREFLIGHT, "preparing the leg again"
     job = ctx.job
     brief(ctx, leg)
-    must = job.asking == "each" or (job.asking == "once" and not (ctx.conversation.asked_once and _at_pads(ctx)))
-    if must or (job.asking != "never" and ctx.parameters.unasked):
+    must = job.asking == "each" or (
+        job.asking == "once" and not (ctx.conversation.take_off_confirmed and _at_pads(ctx))
+    )
+    if must or (job.asking != "never" and ctx.parameters.unconfirmed):
         if not ctx.conversation.attended:
             return (
                 State.STOPPED,
@@ -228,14 +230,14 @@ def ready(ctx: Context) -> After:
 
 
 def _at_pads(ctx: Context) -> bool:
-    """Whether it stands at a station with pads: elsewhere, in the street, nobody arms it without a word."""
+    """Whether the vehicle stands at a station with pads: elsewhere, in public space, a person must confirm arming."""
     network = ctx.job.scenario.network
     row = network.index.get(ctx.delivery.station or "")
     return row is not None and network.stations[row].pads > 0
 
 
 def arming(ctx: Context) -> After:
-    """Arm and start, until it is in the air."""
+    """Arm and start until the vehicle is in the air."""
     leg = ctx.delivery.leg
     if leg is None or ctx.delivery.plan is None:
         return State.PREFLIGHT, "preparing the leg again"
@@ -243,9 +245,9 @@ def arming(ctx: Context) -> After:
     if (aircraft := ctx.give_way.bars(ctx)) is not None:
         return State.PREFLIGHT, f"take-off delayed: {aircraft}"
     ctx.delivery.begin_flight()
-    ctx.divert.call_off()  # that of an earlier flight
+    ctx.divert.call_off()  # from an earlier flight
     ctx.lean.begin()
-    leg.begin(ctx.now_s, ctx.battery.soc, ctx.battery.told_soc)
+    leg.begin(ctx.now_s, ctx.battery.soc, ctx.battery.reported_soc)
     ctx.battery.begin_flight(charged=ctx.delivery.charged)
     work_ground.note_begun(ctx)
     ctx.note(
@@ -260,7 +262,7 @@ def arming(ctx: Context) -> After:
             wind=winds(ctx.wind.on_way(leg.mission.way, ctx.now_s, leg.planned_s)),
             wind_origin=ctx.wind.origin,
             soc=ctx.battery.soc,
-            told_soc=ctx.battery.told_soc,
+            told_soc=ctx.battery.reported_soc,
             ground_speed_mps=leg.commanded_mps,
             last=leg.last,
             standing=standing(ctx),
@@ -275,10 +277,10 @@ def arming(ctx: Context) -> After:
 
 
 def _start(ctx: Context) -> str:
-    """Arm and start until it is in the air; as long as the vehicle only refuses it is asked again.
+    """Arm and start until the vehicle is in the air; a refused order is repeated.
 
-    What it says is heard meanwhile. An order whose answer was lost may have been carried out: one that is armed is
-    given time to take off before the order is repeated. Returns why it did not take off; nothing where it did.
+    Messages of the vehicle are processed meanwhile. An order whose answer was lost may have been executed: an armed vehicle is
+    given time to take off before the order is repeated. Returns why it did not take off; empty if it did.
     """
     problem, tries = "", 0
     end = ctx.clock.now_s() + ARM_PATIENCE_S
@@ -316,7 +318,7 @@ def _took_off(ctx: Context) -> bool:
 
 
 def _disarmed(ctx: Context, reason: str) -> After:
-    """Leave it disarmed on the ground."""
+    """Ensure that the vehicle is disarmed on the ground."""
     for _ in range(STARTS):
         if ctx.on_ground:
             break

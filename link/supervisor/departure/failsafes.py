@@ -1,4 +1,4 @@
-"""The failsafe settings of a vehicle; its family explains them (`missions.autopilots`)."""
+"""Failsafe settings of a vehicle; its autopilot family explains them (`missions.autopilots`)."""
 
 from __future__ import annotations
 
@@ -17,16 +17,16 @@ class Failsafes:
     """The failsafe settings of one vehicle."""
 
     values: dict[str, float] = field(default_factory=dict)
-    """By key, in our units, as they will be in the flight; one that its firmware does not have is omitted."""
+    """By key, in our units, as they will be in flight; settings that the firmware does not have are omitted."""
 
     def read(self, vehicle: Vehicle, proposed: Mapping[str, float]) -> None:
-        """Read them, those that are to be set (by key, in our units) as they will be."""
+        """Read the settings; those that are to be set (by key, in our units) have their new values."""
         found = vehicle.read_settings(vehicle.family.failsafes.keys)
         self.values = {key: proposed.get(key, value) for key, value in found.items()}
 
 
 def left_words(ctx: Context) -> str:
-    """Return what the vehicle does if we now stop commanding it."""
+    """Describe what the vehicle does if we now stop commanding it."""
     if ctx.on_ground:
         return "it stands disarmed on the ground"
     if ctx.vehicle.mode != "mission":

@@ -1,4 +1,4 @@
-"""Decisions on the ground: where to fly next, with how much charge, and when."""
+"""Decisions on the ground: next station, charge, and take-off time."""
 
 from __future__ import annotations
 
@@ -20,16 +20,16 @@ from skyway.planner.online.information import Decision, Information
 
 if TYPE_CHECKING:
     from skyway.link.supervisor.context import After, Context
-    from skyway.models.network.network import Station
+    from skyway.models.network.station import Station
 
 POLL_S = 10.0
 MAX_ASKED = 60
-"""Request the pads of at most so many stations: over a slow link each question takes a while."""
+"""Maximum number of stations whose pads are requested: over a slow link each request takes time."""
 _UNTOLD_S = 300.0
 
 
 def replanning(ctx: Context) -> After:
-    """Decide where to fly next, with how much charge, and when."""
+    """Decide the next station, the charge, and the take-off time."""
     if ctx.conversation.stays:
         return State.STOPPED, f"stopped at {ctx.delivery.station} as ordered: the drone stands disarmed"
     stay_until_due(ctx)
@@ -69,7 +69,7 @@ def replanning(ctx: Context) -> After:
 
 
 def _look_again(ctx: Context) -> str:
-    """Return where it stands, once that and its charge are known; missing data are requested again."""
+    """Return the station of the vehicle once it and the charge are known; missing data are requested again."""
     unknown, end = "the drone does not report its position or its state of charge", ctx.clock.now_s() + ASK_FOR_S
     while True:
         station = ctx.delivery.station or ctx.here_station()
@@ -115,7 +115,7 @@ def information(ctx: Context) -> Information:
 
 
 def _in_reach(ctx: Context, station: str) -> list[Station]:
-    """Stations whose pads a decision can use: here, those of the plan, and the nearest within reach of one charge."""
+    """Stations whose pads a decision can use: the present one, those of the plan, and the nearest within reach of one charge."""
     job, plan = ctx.job, ctx.delivery.plan
     network, drone = job.scenario.network, job.scenario.drone(job.request.drone or "")
     row = network.index.get(station)
@@ -129,7 +129,7 @@ def _in_reach(ctx: Context, station: str) -> list[Station]:
 
 
 def _planned(ctx: Context) -> float | None:
-    """Charge that the present plan leaves with here."""
+    """Charge at departure from here by the present plan."""
     if ctx.delivery.charge_to is not None:
         return ctx.delivery.charge_to
     stops = () if ctx.delivery.plan is None else ctx.delivery.plan.stops
@@ -137,7 +137,7 @@ def _planned(ctx: Context) -> float | None:
 
 
 def _as_planned(ctx: Context, known: Information) -> Decision:
-    """Fly the plan as it is, whatever comes: what supervision is compared with."""
+    """Fly the plan unchanged: the baseline with which supervision is compared."""
     if ctx.delivery.plan is None:
         return Decision("stop", "the plan has no leg from here: plan again, then fly that plan")
     service = ctx.delivery.plan.services[0]

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 def health_of_day(ctx: Context) -> tuple[Verdict, str] | None:
-    """Return whether the drone was found healthy today, and the findings; None where no check is configured.
+    """Return whether the drone was found healthy today, and the findings; None if no check is configured.
 
     Raises a `VehicleTimeoutError` if it does not answer.
     """
@@ -25,8 +25,8 @@ def health_of_day(ctx: Context) -> tuple[Verdict, str] | None:
         return None
     passed = book.passed_today(uid, ctx.now_s)
     if passed is not None:
-        untold = [one.name for one in passed.items if one.verdict == "unknown"]
-        return "ok", f"checked at {date_clock(parse_instant(passed.time), named=True)}{_not_known(untold)}"
+        unknown = [one.name for one in passed.items if one.verdict == "unknown"]
+        return "ok", f"checked at {date_clock(parse_instant(passed.time), named=True)}{_not_known(unknown)}"
     items = tuple(look_at(ctx.vehicle, book.last_flight(uid)))
     book.add(uid, ctx.now_s, items)
     return _verdict(items)
@@ -37,9 +37,9 @@ def _verdict(items: Sequence[HealthItem]) -> tuple[Verdict, str]:
     if wrong:
         verdict: Verdict = "no" if any(one.verdict == "no" for one in wrong) else "unknown"
         return verdict, "; ".join(f"{one.name}: {one.said}" for one in wrong)
-    untold = [one.name for one in items if one.verdict == "unknown"]
+    unknown = [one.name for one in items if one.verdict == "unknown"]
     good = ", ".join(one.name for one in items if one.verdict == "ok")
-    return "ok", f"{good}{_not_known(untold)}"
+    return "ok", f"{good}{_not_known(unknown)}"
 
 
 def _not_known(names: Sequence[str]) -> str:

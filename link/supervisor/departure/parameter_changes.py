@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from skyway.link.vehicle.vehicle import Vehicle
 
 _TRIES = 6
-"""At the end, where nothing is waited for any more; each takes some 5 s where no answer comes."""
+"""Attempts at the end, where nothing else is waited for; an attempt without an answer takes some 5 s."""
 _SAME = 1e-6
 
 
@@ -29,12 +29,12 @@ class ParameterChange:
     """A parameter that is to be changed."""
 
     name: str
-    """The autopilot's name."""
+    """The autopilot's name of it."""
     before: float
     after: float
-    """`before`, `after`: what the vehicle has, and what it is to have."""
+    """`before`, `after`: value on the vehicle, and value to be set."""
     why: str
-    """What happens otherwise."""
+    """Consequence if it is not set."""
 
     def __str__(self) -> str:
         return f"{self.name} {self.before:g} > {self.after:g}: {self.why}"
@@ -45,44 +45,44 @@ class ParameterChanges:
     """Parameters that a delivery has changed, or will change."""
 
     proposed: tuple[ParameterChange, ...] = ()
-    """Of the leg to come."""
+    """For the next leg."""
     before: dict[str, float] = field(default_factory=dict)
     ours: dict[str, float] = field(default_factory=dict)
-    """`before`, `ours`: by name: the value before the first change of the delivery, and the one that was set last."""
+    """`before`, `ours`: by name: the value before the first change of the delivery, and the last value set."""
 
     @property
-    def unasked(self) -> tuple[ParameterChange, ...]:
-        """Those proposed that this delivery has not changed before: the operator has not been asked about them."""
+    def unconfirmed(self) -> tuple[ParameterChange, ...]:
+        """Proposed changes that this delivery has not made before, and that the operator has not confirmed."""
         return tuple(setting for setting in self.proposed if setting.name not in self.ours)
 
     def propose(self, proposed: Iterable[ParameterChange]) -> None:
-        """Take what the leg to come needs."""
+        """Propose the changes of the next leg."""
         self.proposed = tuple(proposed)
 
     def take_proposed(self) -> tuple[ParameterChange, ...]:
-        """Return what was proposed, which is about to be set, and propose nothing more."""
+        """Return the proposed changes, which are about to be set, and clear them."""
         proposed, self.proposed = self.proposed, ()
         return proposed
 
     def follow(self, records: Iterable[Record]) -> None:
-        """Follow the ``parameter`` records of a journal."""
+        """Restore from the ``parameter`` records of a journal."""
         for record in records:
-            if told := record.entry(ParameterNote):
-                self.take(told)
+            if note := record.entry(ParameterNote):
+                self.take(note)
 
-    def take(self, told: ParameterNote) -> None:
-        """Follow a ``parameter`` record of the journal."""
-        if told.name is None:
-            return  # of a journal written before values were kept
-        if told.done == "setting" and told.before is not None and told.after is not None:
-            self.before.setdefault(told.name, told.before)
-            self.ours[told.name] = told.after
-        elif told.done in ("restored", "released"):
-            self.before.pop(told.name, None)
-            self.ours.pop(told.name, None)
+    def take(self, note: ParameterNote) -> None:
+        """Restore from one ``parameter`` record of a journal."""
+        if note.name is None:
+            return  # a journal written before values were stored
+        if note.done == "setting" and note.before is not None and note.after is not None:
+            self.before.setdefault(note.name, note.before)
+            self.ours[note.name] = note.after
+        elif note.done in ("restored", "released"):
+            self.before.pop(note.name, None)
+            self.ours.pop(note.name, None)
 
     def words(self) -> str:
-        """The remaining changes, in words."""
+        """Describe the remaining changes."""
         return ", ".join(f"{name} {self.ours[name]:g} (before: {value:g})" for name, value in self.before.items())
 
 
@@ -125,7 +125,7 @@ def _set(ctx: Context, one: ParameterChange) -> None:
 def restore_all(vehicle: Vehicle, changes: ParameterChanges, tell: Callable[[str, str, str, float], None]) -> str:
     """Restore the parameters of a disarmed vehicle; returns why some could not be restored, or nothing.
 
-    One that has neither its old value nor ours was changed by somebody else, and is left. `tell` takes name,
+    A parameter that has neither its old value nor ours was changed by somebody else, and is not touched. `tell` takes name,
     ``restored`` or ``released``, a sentence and the value that it has now; `changes` is not modified here.
     """
     problems = []
@@ -142,7 +142,7 @@ def restore_all(vehicle: Vehicle, changes: ParameterChanges, tell: Callable[[str
 
 
 def _restore(vehicle: Vehicle, name: str, before: float, ours: float) -> tuple[str, str, float]:
-    """Restore one, asking again where no answer comes."""
+    """Restore one parameter, with a repetition of unanswered requests."""
     for _ in range(_TRIES - 1):
         try:
             return _restore_once(vehicle, name, before, ours)
@@ -167,7 +167,7 @@ def _same(one: float, other: float) -> bool:
 
 
 def restore_at_end(ctx: Context) -> None:
-    """Restore parameters at the end of a delivery, if the vehicle is disarmed on the ground; in the air its failsafes stay as they are."""
+    """Restore parameters at the end of a delivery if the vehicle is disarmed on the ground; in the air its failsafes are not changed."""
     changes = ctx.parameters
     if not changes.before:
         return
@@ -180,13 +180,13 @@ def restore_at_end(ctx: Context) -> None:
     else:
         done: list[str] = []
 
-        def told(name: str, how: str, sentence: str, value: float) -> None:
+        def report(name: str, how: str, sentence: str, value: float) -> None:
             done.append(name)
             if how == "released":
                 ctx.tell(sentence)
             _note(ctx, ParameterNote(name=name, done=how, value=value), sentence)
 
-        why = restore_all(ctx.vehicle, changes, told)
+        why = restore_all(ctx.vehicle, changes, report)
         if done:
             ctx.tell(f"parameters restored and read back: {', '.join(done)}")
     if changes.before:
@@ -201,8 +201,8 @@ def _count(number: int) -> str:
     return "1 parameter" if number == 1 else f"{number} parameters"
 
 
-def told(settings: Sequence[ParameterChange], *, restored: bool) -> list[str]:
-    """List the changes to be made, one a line."""
+def change_lines(settings: Sequence[ParameterChange], *, restored: bool) -> list[str]:
+    """List the changes to be made, one per line."""
     if not settings:
         return []
     after = "restored at the end" if restored else "not restored"

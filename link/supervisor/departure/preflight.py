@@ -1,4 +1,4 @@
-"""The checklist before each take-off: every entry is in order, not in order, or unknown, with its figure."""
+"""The checklist before each take-off: every entry is in order, not in order, or unknown, with its values."""
 
 from __future__ import annotations
 
@@ -24,36 +24,36 @@ if TYPE_CHECKING:
 
     from skyway.link.supervisor.context import Context
     from skyway.link.supervisor.legs import LegMission
-    from skyway.models.composition.composition import DroneService
+    from skyway.models.composition.service import DroneService
 
 Verdict = Literal["ok", "no", "unknown"]
 AT_PLACE_M = 60.0
 HOME_M = 60.0
 LEAN_SLACK = 0.97
 HOME_HEIGHT_M = 30.0
-"""Heights of stations and of a satellite fix differ by so much at most."""
+"""Maximum difference of heights of stations and of a satellite fix, m."""
 SAID = 0.001
-"""A smaller chance to find no place at the end is not told."""
+"""Probability of finding no place at the end below which it is not reported."""
 SOC_SLACK = 0.015
-"""A charge told in whole percent may be so much lower."""
+"""Tolerance of a charge reported in whole percent."""
 
 
 @dataclass(frozen=True, slots=True)
 class Check:
-    """One entry of the list."""
+    """One entry of the checklist."""
 
     name: str
-    """What was looked at."""
+    """Subject of the check."""
     verdict: Verdict
     """``ok``, ``no`` or ``unknown``."""
     said: str
-    """What was found, with figures."""
+    """The finding, with its values."""
     waits: bool = False
-    """Whether it may come right by itself in a while."""
+    """Whether a failed check may pass after a wait."""
 
     @property
     def ok(self) -> bool:
-        """Whether it is in order."""
+        """Whether the verdict is ``ok``."""
         return self.verdict == "ok"
 
     def __str__(self) -> str:
@@ -62,7 +62,7 @@ class Check:
 
 
 def run_checks(ctx: Context, service: DroneService, leg: LegMission) -> Iterator[Check]:
-    """Go through the list, entry by entry; nothing is changed on the vehicle.
+    """Run the checks, entry by entry; nothing is changed on the vehicle.
 
     Raises a `LinkError` if the vehicle did not answer.
     """
@@ -169,8 +169,8 @@ def _wind(ctx: Context, service: DroneService) -> Iterator[Check]:
     way, slot = [(place.lat, place.lon) for place in places], wind.slot_at(ctx.now_s)
     highest = np.max([np.hypot(*wind.wind_at(*point, slot)) for point in way], axis=0)
     p_over = float(wind.probability @ (highest > drone.wind_limit_mps))
-    told = ctx.wind.on_way(way, ctx.now_s, service.distance_m / max(service.ground_speed_mps, 1.0))
-    said = f"{told} ({ctx.wind.origin}), above the limit of {drone.wind_limit_mps:g} m/s with probability {probability(p_over)}"
+    expected = ctx.wind.on_way(way, ctx.now_s, service.distance_m / max(service.ground_speed_mps, 1.0))
+    said = f"{expected} ({ctx.wind.origin}), above the limit of {drone.wind_limit_mps:g} m/s with probability {probability(p_over)}"
     yield Check("wind", "no" if p_over > 0.5 else "ok", said, waits=True)
     lands_s = ctx.now_s + service.distance_m / max(service.ground_speed_mps, 1.0)
     closed = [
@@ -184,7 +184,7 @@ def _wind(ctx: Context, service: DroneService) -> Iterator[Check]:
 
 
 def _parameters(ctx: Context, leg: LegMission) -> Iterator[Check]:
-    """Read what the leg needs; what will not do is proposed to be set, where that is allowed."""
+    """Read the parameters that the leg needs; unsuitable values are proposed to be changed, if that is allowed."""
     proposed = []
     for check in ctx.vehicle.check_required(leg.parameters):
         name = check.wanted.name
@@ -204,7 +204,7 @@ def _parameters(ctx: Context, leg: LegMission) -> Iterator[Check]:
 
 
 def _lean(ctx: Context) -> Check:
-    """Whether its greatest lean lets it fly as fast through the air as is planned."""
+    """Whether the autopilot's maximum lean angle permits the planned airspeed."""
     limits = ctx.vehicle.read_settings(ctx.vehicle.family.lean_limits)
     known = [limit for limit in limits.values() if limit > 0.0]
     drone = ctx.job.scenario.drone(ctx.job.request.drone or "")
@@ -223,7 +223,7 @@ def _lean(ctx: Context) -> Check:
 
 
 def _failsafe(ctx: Context) -> Check:
-    """Tell what it does without us, as it will be with the parameters that are to be set."""
+    """State the failsafe actions of the vehicle, with the parameters that are to be set."""
     family = ctx.vehicle.family
     proposed = family.settings.in_our_units({setting.name: setting.after for setting in ctx.parameters.proposed})
     ctx.failsafes.read(ctx.vehicle, proposed)
@@ -235,7 +235,7 @@ def _failsafe(ctx: Context) -> Check:
 
 
 def _mission(ctx: Context, leg: LegMission) -> Check:
-    """Look at the mission, its fence and its rally points as ``skyway check`` does."""
+    """Check the mission, its fence and its rally points as ``skyway check`` does."""
     from skyway.missions.checks.report import check
 
     scenario = ctx.job.scenario
@@ -255,7 +255,7 @@ def _diverts(ctx: Context, service: DroneService) -> Check:
             "diverts", "ok", f"none but {service.destination} itself: the drone leaves the work for a pad if necessary"
         )
     if not ctx.delivery.diverts and ctx.delivery.onward is not None and ctx.job.replanning:
-        # the gate has found a refuge for every point of the leg: without another, it is the end
+        # the gate has found a divert station for every point of the leg; without another one, the destination is it
         return Check("diverts", "ok", f"none nearer than {service.destination} itself")
     if not ctx.delivery.diverts:
         return Check("diverts", "no", f"no divert station is in reach on the way to {service.destination}")
@@ -263,7 +263,7 @@ def _diverts(ctx: Context, service: DroneService) -> Check:
 
 
 def _pads(ctx: Context, service: DroneService) -> Check:
-    """The state of the pads at the end of the leg must be known; a station that will most probably have no place when it comes is none to fly to."""
+    """The pads at the end of the leg must be known; a station that will most probably be full on arrival is no destination."""
     scenario, node = ctx.job.scenario, ctx.job.scenario.network.index.get(service.destination)
     if node is None or scenario.network.pads[node] == 0:
         return Check("pads", "ok", f"{service.destination} has no pads")
@@ -282,7 +282,7 @@ def _pads(ctx: Context, service: DroneService) -> Check:
 
 
 def _traffic(ctx: Context) -> Check:
-    """Other aircraft near: told, and waited for where the drone gives way."""
+    """Other aircraft nearby: reported, and waited for if the drone gives way."""
     near = ctx.vehicle.traffic.near(ctx.vehicle.connection.clock.now_s())
     bars = ctx.give_way.bars(ctx)
     said = "; ".join(map(str, near[:3])) or "no aircraft near, as far as the drone's receiver hears"
@@ -290,10 +290,10 @@ def _traffic(ctx: Context) -> Check:
 
 
 def _remote_id(ctx: Context) -> Check:
-    """What the Remote ID module says of itself; its absence stops the take-off where who flies is to be broadcast."""
+    """Status of the Remote ID module; without it there is no take-off if an identity must be broadcast."""
     status, who = ctx.remote_id.status(ctx), ctx.job.remote_id
     if not who.given:
         return Check("remote id", "ok", f"{status}; no operator to broadcast: give --operator-id")
-    told = ", ".join(one for one in (who.operator_id, who.self_id) if one) or "the place of the operator"
+    identity = ", ".join(one for one in (who.operator_id, who.self_id) if one) or "the place of the operator"
     verdict: Verdict = "ok" if status.ready else "unknown" if status.heard and status.ready is None else "no"
-    return Check("remote id", verdict, f"{status}; sent: {told}", waits=True)
+    return Check("remote id", verdict, f"{status}; sent: {identity}", waits=True)

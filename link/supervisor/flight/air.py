@@ -1,4 +1,4 @@
-"""Actions in the air: watch, decide, send the speed again, divert."""
+"""Actions in the air: monitor, decide, repeat the speed command, divert."""
 
 from __future__ import annotations
 
@@ -29,12 +29,13 @@ if TYPE_CHECKING:
 
 DECIDE_EVERY_S = 10.0
 LANDING_SHARE, MIN_DOUBTED_SOC = 2.0, 0.1
-"""Below so many times the charge of a landing, or below this charge, a loss is not doubted for longer than wrong values last."""
+"""A loss is doubted no longer than wrong values last if the charge is below this multiple of that of a landing, or
+below this SoC."""
 _WAY_MODES = ("mission", "takeoff")
 
 
 def flying(ctx: Context) -> After:
-    """Watch a leg to its landing, deciding every ten seconds."""
+    """Monitor a leg until its landing, with a decision every ten seconds."""
     leg = ctx.delivery.leg
     if leg is None:
         return State.HOLDING, "the drone is in the air on an unknown leg"
@@ -50,7 +51,7 @@ def flying(ctx: Context) -> After:
 def _until_landed(
     ctx: Context, decide: Callable[[], After | None], each: Callable[[Context], None] = lambda _: None
 ) -> After | None:
-    """Watch a flight, and decide every ten seconds of its cruise; None once it has landed. `each` is called every second."""
+    """Monitor a flight, with a decision every ten seconds of its cruise; None once it has landed. `each` is called every second."""
     decided_s = ctx.now_s
     while True:
         refuse_foreign(ctx, ctx.tick(), (*_WAY_MODES, "hold") if ctx.stands_in_air else _WAY_MODES)
@@ -73,7 +74,7 @@ def _until_landed(
 
 
 def _free_pad(ctx: Context, station: str) -> None:
-    """Give the pad back that it has left."""
+    """Release the pad from which the drone took off."""
     try:
         ctx.pads.release(station, ctx.observed.system)
     except (LinkError, InputError) as error:
@@ -81,12 +82,12 @@ def _free_pad(ctx: Context, station: str) -> None:
 
 
 def _due(ctx: Context, decided_s: float) -> bool:
-    """Whether to decide again: every ten seconds, and at once where charge has been lost."""
+    """Whether a decision is due: every ten seconds, and at once after a loss of charge."""
     return ctx.now_s >= decided_s + DECIDE_EVERY_S or ctx.battery.lost_s > decided_s
 
 
 def _climbed(ctx: Context) -> bool:
-    """Whether it cruises: not still climbing at the start, nor landing at the end."""
+    """Whether the vehicle cruises: neither climbing at the start nor landing at the end."""
     s = ctx.observed.sample
     return s is not None and s.height_m > 0.6 * ctx.job.scenario.rules.cruise_height_m and not _landing(ctx, s)
 
@@ -98,11 +99,11 @@ def _landing(ctx: Context, s: TelemetrySample) -> bool:
     return cross_track_m([end, end], s.lat_deg, s.lon_deg) < 30.0
 
 
-# Deciding
+# Decisions
 
 
 def _fly_on(ctx: Context, memory: FlightMemory, pads: PadsAhead) -> After | None:
-    """Decide and do it; None flies on."""
+    """Decide and act; None continues the flight."""
     known = information(ctx, memory, pads)
     if not ctx.job.replanning or known is None:
         return None
@@ -115,7 +116,7 @@ def _fly_on(ctx: Context, memory: FlightMemory, pads: PadsAhead) -> After | None
 
 
 def _waits(ctx: Context, decision: Decision) -> bool:
-    """Whether a decision can wait until a hovering drone flies on: all can but those to divert or to land."""
+    """Whether a decision can wait until a holding drone continues: all except diverting and landing."""
     leg = ctx.delivery.leg
     if leg is None or not ctx.stands_in_air:
         return False
@@ -123,12 +124,12 @@ def _waits(ctx: Context, decision: Decision) -> bool:
         ctx.conversation.pause(on=False)
         ctx.give_way.end()
         return False
-    leg.command(leg.commanded_mps, ctx.now_s)  # it hovers on orders
+    leg.command(leg.commanded_mps, ctx.now_s)  # it holds on an order
     return True
 
 
 def look_ahead(ctx: Context, figures: Mapping[str, Any]) -> None:
-    """Keep with the leg what a decision expects of it."""
+    """Store the expectation of a decision with the leg."""
     leg, place = ctx.delivery.leg, ctx.place
     if leg is None or place is None:
         return
@@ -160,7 +161,7 @@ def _tell(ctx: Context, decision: Decision) -> None:
 
 
 def _act(ctx: Context, decision: Decision) -> After | None:
-    """Do what was decided; None flies on."""
+    """Execute a decision; None continues the flight."""
     leg = ctx.delivery.leg
     if leg is None:
         return None
@@ -178,7 +179,7 @@ def _act(ctx: Context, decision: Decision) -> After | None:
     if decision.action == "divert" and decision.station is not None:
         ctx.divert.to(decision.station)
         if leg.modelled is None or leg.modelled.load is None:
-            ctx.energy.keep(leg, ctx.battery.soc)  # what this way takes; the way back would tell another wind
+            ctx.energy.keep(leg, ctx.battery.soc)  # the energy of this route; another route would have another wind
             leg.learn_nothing()
         return State.DIVERTING, f"diverting to {decision.station}: {decision.reason}"
     if decision.action == "land":
@@ -190,11 +191,11 @@ def _act(ctx: Context, decision: Decision) -> After | None:
     return None
 
 
-# A divert
+# Divert
 
 
 def diverting(ctx: Context) -> After:
-    """Go to the divert station by a new mission, or where that is not verified by reposition; watch it land."""
+    """Fly to the divert station by a new mission, or if that is not verified by reposition; monitor the landing."""
     if ctx.divert.station is None:
         return land_here(ctx)
     if not ctx.divert.turned:
@@ -207,7 +208,7 @@ def diverting(ctx: Context) -> After:
 
 
 def _watch(ctx: Context, memory: FlightMemory, pads: PadsAhead) -> After | None:
-    """Keep expected against actual up to date; turn again only where the battery would be empty before."""
+    """Update expected against actual; turn again only if the battery would be empty before the landing."""
     if ctx.job.work is not None:
         return None
     known = information(ctx, memory, pads)
@@ -232,7 +233,7 @@ def _watch(ctx: Context, memory: FlightMemory, pads: PadsAhead) -> After | None:
 
 
 def _unsure(ctx: Context) -> bool:
-    """Whether a landing away from any station rests on a voltage that nothing else confirms."""
+    """Whether a landing away from any station depends on a voltage that no other measurement confirms."""
     if not ctx.battery.doubtful(affordable=_affords_doubt(ctx)):
         return False
     ctx.say(
@@ -243,7 +244,7 @@ def _unsure(ctx: Context) -> bool:
 
 
 def _affords_doubt(ctx: Context) -> bool:
-    """Whether the charge as it is feared to be is still more than a landing here takes."""
+    """Whether the charge after the feared loss still exceeds that of a landing here."""
     leg = ctx.delivery.leg
     if leg is None or leg.modelled is None:
         return False

@@ -1,4 +1,4 @@
-"""Calling off a delivery in the air: the place is blocked, or nobody is there, and the package goes back or to the named station."""
+"""Calling off a delivery in the air: the target is blocked or nobody receives the package, which goes back or to the named station."""
 
 from __future__ import annotations
 
@@ -19,14 +19,14 @@ if TYPE_CHECKING:
     from skyway.planner.online.options import Option
 
 UNDELIVERED = "undelivered"
-"""The word for it."""
+"""The command."""
 
 
 def call_off(ctx: Context, stations: Sequence[str], by: str) -> After | None:
-    """Send the package back or on, from the air; `stations` are those inside its fence. None flies on to the target.
+    """Divert the package from the air; `stations` are those inside the fence. None continues to the target.
 
-    It turns to the station that the package is to go to, where that keeps the reserve; else to the one that does and is nearest to it, and goes on from
-    there. Where none does it lands at the target after all, from which the energy for the way on is kept, under a mission that does not let the package go.
+    The drone turns to the destination of the package if that keeps the reserve; else to the station nearest to it that does, and continues from
+    there. If none does it lands at the target, for which the energy of the way on is reserved, by a mission without a release.
     """
     leg, target = ctx.delivery.leg, ctx.job.request.destination
     if leg is None:
@@ -34,20 +34,20 @@ def call_off(ctx: Context, stations: Sequence[str], by: str) -> After | None:
     goal = package_goes_on(ctx, f"{by}: the package cannot be handed over at {target}")
     leg.learn_nothing()
     if leg.destination != target and ctx.state is not State.FLYING:
-        return None  # it is on its way to another station already
+        return None  # the drone is already diverting to another station
     option = _best(ctx, goal, tuple(dict.fromkeys((leg.destination, *stations))))
     station = target if option is None else option.station
     if station == leg.destination != target or (option is None and leg.destination != target):
         ctx.tell(f"the drone flies on to {leg.destination}, and from there to {goal}")
         return None
-    ctx.divert.to(station)  # also to the target itself: the mission there lets the package go
+    ctx.divert.to(station)  # also to the target itself: the mission there releases the package
     onwards = "" if station == goal else f", on the way to {goal}"
     with_soc = "" if option is None else f", landing with about {percent(option.soc)}"
     return State.DIVERTING, f"diverting to {station}{onwards}{with_soc}"
 
 
 def _best(ctx: Context, goal: str, stations: Sequence[str]) -> Option | None:
-    """Return the landing to turn to; None where none with pads keeps the reserve."""
+    """Return the station to turn to; None if none with pads keeps the reserve."""
     known = information(ctx, FlightMemory(turned=True), {})
     network = ctx.job.scenario.network
     target = ctx.job.request.destination

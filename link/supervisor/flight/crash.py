@@ -1,4 +1,4 @@
-"""Detection of a crash of a disarmed vehicle: it lies on its side or its back, or reports it."""
+"""Detection of a crash of a disarmed vehicle: it lies on its side or upside down, or reports a crash."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ if TYPE_CHECKING:
     from skyway.link.supervisor.context import After, Context
 
 LIES_DEG = 50.0
-"""No pad leans as far."""
+"""Least tilt of a crashed vehicle, degrees: no pad is as steep."""
 LOOK_S = 120.0
-"""So long an attitude is looked at: longer than it may be told wrongly."""
+"""Time over which the attitude is observed, s: longer than it may be reported wrongly."""
 
 
 def leans_deg(ctx: Context) -> float:
@@ -25,7 +25,7 @@ def leans_deg(ctx: Context) -> float:
 
 
 def lies(ctx: Context) -> str:
-    """Its attitude after a fall, in words; empty where it stands upright or that is unknown."""
+    """Attitude after a fall, in words; empty if the vehicle is upright or its attitude unknown."""
     end = ctx.clock.now_s() + LOOK_S
     while leans_deg(ctx) > LIES_DEG:
         if ctx.clock.now_s() >= end:
@@ -35,13 +35,13 @@ def lies(ctx: Context) -> str:
 
 
 def crashed(ctx: Context, since_s: float) -> str:
-    """Why it is taken for crashed, by what it has said since an instant of the clock; nothing where it is not."""
+    """Why a crash is assumed, from messages since an instant of the clock; empty if none is."""
     said = ctx.texts.saying(ctx.vehicle.family.crash_texts, since_s)
     return f'it reports "{said}"' if said else lies(ctx)
 
 
 def crash_end(ctx: Context, since_s: float) -> After | None:
-    """How the delivery ends if the drone has crashed since an instant, see `crashed`, with the place; None where it has not."""
+    """Outcome of the delivery, with the place, if the drone has crashed since an instant (see `crashed`); None if it has not."""
     crash = crashed(ctx, since_s)
     if not crash:
         return None

@@ -12,20 +12,20 @@ class Divert:
     """The divert of one flight."""
 
     station: str | None = None
-    """Where it is sent; None where it is not, or lands where it is."""
+    """Destination of the divert; None if there is none, or the drone lands where it is."""
     turned: bool = False
-    """The vehicle holds the mission to that station."""
+    """The vehicle has the mission to that station."""
     give_way: GiveWay = field(default_factory=GiveWay)
-    """What is done about other aircraft."""
+    """Reaction to other aircraft."""
 
     def to(self, station: str, *, turned: bool = False) -> None:
-        """Send it to a station."""
+        """Set the destination."""
         self.station, self.turned = station, turned
 
     def done(self) -> None:
-        """Note that the vehicle holds the mission."""
+        """Record that the vehicle has the mission."""
         self.turned = True
 
     def call_off(self) -> None:
-        """Send it nowhere: it flies its leg, or lands where it is."""
+        """Cancel the divert: the drone flies its leg, or lands where it is."""
         self.station, self.turned = None, False

@@ -1,7 +1,7 @@
-"""Giving way to other aircraft within the limits: report them, hold, or land at the nearest station, until the sky is clear.
+"""Giving way to other aircraft within the limits: report them, hold, or land at the nearest station, until no aircraft is near.
 
-States: clear; holding (stopped on its way); overruled (a person said `go`: nothing more is done until the sky is clear). An aircraft counts from the limits
-on, and is gone once all are beyond `CLEAR_MARGIN` times the limits, or unheard, for `CLEAR_S`.
+States: clear; holding (at its position); overruled (a person ordered `go`: no reaction until no aircraft is near). An aircraft counts from the limits
+on, and is gone once all are beyond `CLEAR_MARGIN` times the limits, or not received, for `CLEAR_S`.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 CLEAR_MARGIN, CLEAR_S = 1.2, 10.0
 AGAIN_S = 5.0
-"""An order that was not taken is given again after so long."""
+"""Time after which an unacknowledged order is repeated, s."""
 
 
 class OnTraffic(StrEnum):
@@ -39,7 +39,7 @@ class OnTraffic(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class TrafficRule:
-    """Limits of nearness, and the reaction."""
+    """Distance limits, and the reaction."""
 
     action: OnTraffic = OnTraffic.TELL
     limits: TrafficLimits = field(default_factory=TrafficLimits)
@@ -47,25 +47,25 @@ class TrafficRule:
 
 @dataclass(slots=True)
 class GiveWay:
-    """Giving way in one delivery; written by the methods here alone."""
+    """Giving way in one delivery; written only by its own methods."""
 
     holds: bool = False
-    """It stands in the air until the sky is clear."""
+    """It holds in the air until no aircraft is near."""
     overruled: bool = False
-    """It flies on by a person's word, or to the nearest station anyway, though an aircraft is near."""
+    """It continues although an aircraft is near: a person ordered that, or it already flies to the nearest station."""
     _since_s: float = math.nan
     _clear_s: float = math.nan
     _tried_s: float = -math.inf
 
     def bars(self, ctx: Context) -> Aircraft | None:
-        """Return the aircraft that prohibits a take-off; None where there is none, or traffic is only reported."""
+        """Return the aircraft that prohibits a take-off; None if there is none, or traffic is only reported."""
         if ctx.job.traffic.action is OnTraffic.TELL:
             return None
         near = ctx.vehicle.traffic.near(ctx.vehicle.connection.clock.now_s())
         return near[0] if near else None
 
     def look(self, ctx: Context, stations: Iterable[str]) -> After | None:
-        """Begin or end to give way, once a second of a flight; `stations` are those that it may land at instead. None flies on."""
+        """Begin or end to give way, once per second of a flight; `stations` are the possible landing sites. None continues the flight."""
         rule, now_s = ctx.job.traffic, ctx.vehicle.connection.clock.now_s()
         if rule.action is OnTraffic.TELL:
             return None
@@ -97,7 +97,7 @@ class GiveWay:
         self.holds, self._since_s = True, ctx.now_s
         leg = ctx.delivery.leg
         if leg is not None:
-            leg.learn_nothing()  # it hovers, which tells nothing of its flights
+            leg.learn_nothing()  # the energy of a hover is no measure for flights
         ctx.say(_entry("hold", one), f"{one}: the drone holds until the sky is clear")
 
     def _land(self, ctx: Context, one: Aircraft, stations: Iterable[str]) -> After | None:
@@ -122,7 +122,7 @@ class GiveWay:
         return State.DIVERTING, f"diverting to {nearest}: {one}"
 
     def _clear(self, ctx: Context) -> None:
-        """Go on: no aircraft is near any more."""
+        """Continue: no aircraft is near any more."""
         held, self.overruled = self.holds, False
         if not held:
             return
@@ -147,11 +147,11 @@ class GiveWay:
         ctx.say(GaveWay(action="go", waited_s=waited_s), f"the sky is clear after {duration(waited_s)}{stays}")
 
     def overrule(self) -> None:
-        """Record that a person orders it to fly on in spite of traffic."""
+        """Record that a person orders it to continue in spite of traffic."""
         self.overruled, self.holds = self.overruled or self.holds, False
 
     def end(self) -> None:
-        """Forget what was: it is sent elsewhere, or has landed."""
+        """Reset: the drone is sent elsewhere, or has landed."""
         self.holds = self.overruled = False
 
 

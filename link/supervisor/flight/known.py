@@ -1,4 +1,4 @@
-"""Information in the air, in the form of the policy."""
+"""Information in the air, as input of the policy."""
 
 from __future__ import annotations
 
@@ -15,9 +15,10 @@ if TYPE_CHECKING:
     from skyway.link.supervisor.legs import Leg
 
 OBEYED_AFTER_S, DISOBEYED_MPS, BRAKING_M = 30.0, 2.0, 250.0
-"""So long after an order it flies as fast as it was told, to so much; but nearer to a waypoint it may brake for a step over terrain."""
+"""A command counts as not obeyed if, this long after it, the ground speed still differs by this much; not within
+this distance of a waypoint, where the vehicle may brake for a step over terrain."""
 SUDDEN_S = 15.0
-"""So long a loss of charge counts as sudden."""
+"""Time for which a loss of charge counts as sudden, s."""
 
 
 def information(ctx: Context, memory: FlightMemory, pads: Mapping[str, int]) -> Information | None:
@@ -48,19 +49,19 @@ def information(ctx: Context, memory: FlightMemory, pads: Mapping[str, int]) -> 
 
 
 def _obeyed_mps(ctx: Context, leg: Leg) -> float:
-    """Commanded ground speed; the flown one where that has long been different, so that the order is repeated."""
-    s, told_mps = ctx.observed.sample, leg.commanded_mps
+    """Commanded ground speed; the flown one if it has long been different, so that the command is repeated."""
+    s, commanded_mps = ctx.observed.sample, leg.commanded_mps
     if s is None or ctx.lean.limited or not ctx.now_s > leg.commanded_s + OBEYED_AFTER_S:
-        return told_mps
+        return commanded_mps
     steps = ctx.job.scenario.network.over is not None
     if steps and ctx.place is not None and waypoint_m(leg, *ctx.place) < BRAKING_M:
-        return told_mps
+        return commanded_mps
     flown_mps = math.hypot(s.vel_north_mps, s.vel_east_mps)
-    return flown_mps if abs(flown_mps - told_mps) > DISOBEYED_MPS else told_mps
+    return flown_mps if abs(flown_mps - commanded_mps) > DISOBEYED_MPS else commanded_mps
 
 
 def _airspeed_limit(ctx: Context) -> float:
-    """Airspeed limit due to its lean angle; infinite where it flies as fast as commanded."""
+    """Airspeed limit due to the lean angle, m/s; infinite if the vehicle flies as fast as commanded."""
     estimate = ctx.wind.estimate
     if estimate is None:
         return math.inf
@@ -70,11 +71,11 @@ def _airspeed_limit(ctx: Context) -> float:
         north, east = estimate.north_mps, estimate.east_mps
     return ctx.lean.airspeed_mps(
         (float(north), float(east))
-    )  # with what the rest is computed with: it gives the speed seen
+    )  # the wind of the computation that uses it, so that it gives the observed speed
 
 
 def _ahead(ctx: Context) -> tuple[str, ...]:
-    """Stations of the leg that are still to be overflown: by how far along its way the vehicle is."""
+    """Stations of the leg that are still to be overflown, from the vehicle's progress along the route."""
     leg = ctx.delivery.leg
     if leg is None or ctx.place is None or not leg.via:
         return ()

@@ -1,4 +1,4 @@
-"""Actions after a landing: find the station, learn from the energy of the flight, hand the package over."""
+"""Actions after a landing: determine the station, learn from the energy of the flight, hand over the package."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 RELEASES = 3
 PLACE_S = 90.0
-"""So long we look for a station at the place of a landing: longer than a position may be wrong."""
+"""Time over which a station is looked for at the place of a landing, s: longer than a position may be wrong."""
 
 
 def after_landing(ctx: Context) -> After:
@@ -73,7 +73,7 @@ def after_landing(ctx: Context) -> After:
 
 
 def _found(ctx: Context) -> bool:
-    """Look for the station where it stands; returns whether it stands at all."""
+    """Determine the station at the drone's position; return whether it has landed at all."""
     end = ctx.clock.now_s() + PLACE_S
     while ctx.here_station() is None and not ctx.in_air and ctx.clock.now_s() < end:
         ctx.tick()
@@ -81,7 +81,7 @@ def _found(ctx: Context) -> bool:
 
 
 def _note_landing(ctx: Context, where: str, *, planned: bool) -> None:
-    """Write down where a flight has ended; once, however often it is found standing there."""
+    """Record the end of a flight; once, however often the drone is found there."""
     leg = ctx.delivery.leg
     ctx.delivery.note_landing(ctx.delivery.station or where)
     ctx.say(
@@ -98,7 +98,7 @@ def _note_landing(ctx: Context, where: str, *, planned: bool) -> None:
 
 
 def _deliver(ctx: Context) -> After:
-    """The package is released, by the gripper or by a person who says so."""
+    """Release the package, by the gripper or by a person who confirms it."""
     destination = ctx.job.request.destination
     ctx.proof.before_release(ctx)
     if ctx.proof.lost:
@@ -120,7 +120,7 @@ def _deliver(ctx: Context) -> After:
 
 
 def _taken_off(ctx: Context, destination: str) -> bool:
-    """Wait until a person says that the package is off; or, where there is a way on for it, that nobody takes it."""
+    """Wait until a person confirms that the package is off; or, if it has a way on, that nobody takes it."""
     way = ctx.job.composition.way_back
     if way is None or way.undelivered is None:
         ctx.conversation.answer(ctx, f"take the package off at {destination}, then type done", ("done",))
@@ -130,7 +130,7 @@ def _taken_off(ctx: Context, destination: str) -> bool:
 
 
 def _release(ctx: Context) -> str:
-    """Open the gripper; returns why that was not possible, or nothing."""
+    """Open the gripper; return why that was not possible, or an empty string."""
     refused = ""
     for _ in range(RELEASES):
         try:

@@ -1,9 +1,9 @@
 """A commanded ground speed that is not reached at full lean: its cause, and the wind that follows from it.
 
-A multirotor that leans as far as its autopilot lets it, and goes steadily, has the drag of that lean: it flies through the
-air at one airspeed, in the direction in which it leans. What its ground velocity differs by is wind. Where the drag is known
-(``--drag``) the wind filter sees this from the tilt anyway; where it is not, the airspeed is that of the drone's maker at
-a usual lean, uncertain by a third, and the wind measured so is as uncertain as that.
+A multirotor in steady flight at the maximum lean angle of its autopilot has the drag of that angle: it flies through the
+air at one airspeed, in the direction of the lean. The difference to its ground velocity is the wind. If the drag is known
+(``--drag``) the wind filter derives this from the tilt; if it is not, the airspeed is that of the drone's maker at
+a usual lean, with an uncertainty of a third, and the measured wind has the same uncertainty.
 """
 
 from __future__ import annotations
@@ -28,23 +28,24 @@ if TYPE_CHECKING:
 WINDOW_S, STEADY_S = 12.0, 8.0
 JUDGE_EVERY_S = 0.5
 LEAN_SHARE, SPEED_SHARE = 0.93, 0.92
-"""Leaning at least so far of the limit, and no faster than so much of what is commanded."""
+"""Least lean as a share of the limit, and greatest speed as a share of the commanded one, of a limited flight."""
 REACHED_SHARE = 0.96
 STEADY_MPS2 = 0.15
-"""Gaining or losing less than this, it is as fast as it gets."""
+"""Greatest acceleration of steady flight, m/s2."""
 MEASURE_EVERY_S = 30.0
 GUSTS_S = 60.0
-"""The velocity that bounds the airspeed is averaged over so long: gusts carry a drone that cannot lean against them."""
+"""Averaging time of the velocity that bounds the airspeed, s: a drone at its lean limit is carried by gusts."""
 USUAL_LEAN_DEG = 25.0
-"""Lean at which makers state a top speed."""
+"""Lean angle at which makers state a maximum airspeed, degrees."""
 DRAG_EXPONENT = 0.75
-"""Airspeed grows with the tangent of the lean to between the half (quadratic drag) and the first power (linear)."""
+"""Airspeed grows with the tangent of the lean to a power between one half (quadratic drag) and one (linear drag)."""
 RELATIVE_SIGMA, ACROSS_MPS = 0.35, 1.5
-"""Of the airspeed at full lean where the drag is unknown; and across the lean, whose direction is."""
+"""Standard deviation of the airspeed at full lean if the drag is unknown, relative; and of the wind across the
+lean, whose direction is known, m/s."""
 
 
 def airspeed_at_lean(drag: DragModel, lean_deg: float) -> float:
-    """Airspeed, m/s, whose drag a lean holds in steady level flight."""
+    """Airspeed, m/s, whose drag balances a lean in steady level flight."""
     force = GRAVITY_MPS2 * math.tan(math.radians(min(lean_deg, 80.0)))
     return float(np.hypot(*drag.air_velocity(np.array([[force, 0.0]]))[0]))
 
@@ -59,33 +60,33 @@ class WindAtLimit:
     noise: np.ndarray
     """Covariance, shape (2, 2)."""
     airspeed_mps: float
-    """What was taken for its speed through the air."""
+    """Assumed airspeed."""
     along: tuple[float, float]
     """Unit vector (north, east) of the lean."""
 
 
 @dataclass(slots=True)
 class LeanWatch:
-    """Watches whether a flight reaches its commanded speed, and why not."""
+    """Detects whether a flight does not reach its commanded speed, and why."""
 
     limit_deg: float = math.nan
-    """The autopilot's greatest lean; NaN where it is unknown, and then nothing is said."""
+    """The autopilot's maximum lean; NaN if unknown: then nothing is detected."""
     top_airspeed_mps: float = 20.0
-    """The maker's."""
+    """Stated by the drone's maker."""
     limited: bool = False
-    """It leans as far as it may, goes steadily, and is slower than commanded."""
+    """The drone leans as far as it may, flies steadily, and is slower than commanded."""
     speed_mps: float = math.nan
     lean_deg: float = math.nan
-    """`speed_mps`, `lean_deg`: over the ground, and of the thrust, on average while that was so."""
+    """`speed_mps`, `lean_deg`: mean ground speed, and lean of the thrust, while limited."""
     taken: int = 0
-    """Measurements taken on this flight."""
+    """Number of measurements of this flight."""
     _measured_s: float = -math.inf
     _judged_s: float = -math.inf
     _rows: deque[tuple[float, ...]] = field(default_factory=deque)
     _velocity: np.ndarray | None = None
 
     def know_limits(self, limit_deg: float, top_airspeed_mps: float) -> None:
-        """Take the limits of this vehicle."""
+        """Set the limits of this vehicle."""
         self.limit_deg, self.top_airspeed_mps = limit_deg, top_airspeed_mps
 
     def begin(self) -> None:
@@ -95,13 +96,13 @@ class LeanWatch:
         self._rows.clear()
 
     def hear(self, s: TelemetrySample, commanded_mps: float) -> bool:
-        """Take a sample in the air; returns whether it became limited, or free again, with it."""
-        told = (s.time_s, s.vel_north_mps, s.vel_east_mps, s.roll_rad, s.pitch_rad, s.yaw_rad)
-        if not math.isfinite(self.limit_deg) or not all(map(math.isfinite, told)):
+        """Take a sample in the air; return whether the flight became limited, or no longer is, with it."""
+        values = (s.time_s, s.vel_north_mps, s.vel_east_mps, s.roll_rad, s.pitch_rad, s.yaw_rad)
+        if not math.isfinite(self.limit_deg) or not all(map(math.isfinite, values)):
             return False
         if self._rows and not s.time_s > self._rows[-1][0]:
             return False
-        self._rows.append((*told[:3], *lean_acceleration(*told[3:])))
+        self._rows.append((*values[:3], *lean_acceleration(*values[3:])))
         while self._rows[0][0] < s.time_s - WINDOW_S:
             self._rows.popleft()
         if s.time_s - self._rows[0][0] < STEADY_S or s.time_s < self._judged_s + JUDGE_EVERY_S:
@@ -116,7 +117,7 @@ class LeanWatch:
         count = len(rows)
         force_north, force_east = sum(row[3] for row in rows) / count, sum(row[4] for row in rows) / count
         lean_deg = math.degrees(math.atan2(math.hypot(force_north, force_east), GRAVITY_MPS2))
-        if not self.limited and lean_deg < LEAN_SHARE * self.limit_deg:  # as nearly always
+        if not self.limited and lean_deg < LEAN_SHARE * self.limit_deg:  # the usual case
             self._velocity = None
             return
         velocity = np.array(rows)[:, 1:3]
@@ -137,9 +138,9 @@ class LeanWatch:
         self._velocity = mean if self._velocity is None else keep * self._velocity + (1.0 - keep) * mean
 
     def measure(self) -> WindAtLimit | None:
-        """Measure the wind, where it is limited and long enough after the last time; for a drag that is unknown.
+        """Measure the wind if the flight is limited, long enough after the last time; for an unknown drag.
 
-        Its error lies in the airspeed and is the same each time, so each further one counts for less.
+        The error is that of the airspeed, the same in each measurement, so each further one has less weight.
         """
         if not self.limited or self._rows[-1][0] < self._measured_s + MEASURE_EVERY_S:
             return None
@@ -158,13 +159,13 @@ class LeanWatch:
         return WindAtLimit(float(north), float(east), self.taken * noise, airspeed, (float(along[0]), float(along[1])))
 
     def airspeed_mps(self, wind: tuple[float, float]) -> float:
-        """Speed through the air that it does not exceed, as the ground speed and this wind tell; infinite where none binds."""
+        """Upper limit of the airspeed, m/s, from ground speed and this wind; infinite if there is none."""
         if not self.limited or self._velocity is None:
             return math.inf
         return float(np.hypot(*(self._velocity - np.array(wind))))
 
     def said(self, commanded_mps: float) -> str:
-        """The limiting factor, in words."""
+        """Describe the limiting factor."""
         return (
             f"speed limited by the lean limit of {self.limit_deg:.0f}°: {speed_text(self.speed_mps)} over ground instead of the "
             f"commanded {speed_text(commanded_mps)}"
@@ -172,7 +173,7 @@ class LeanWatch:
 
 
 def watch_lean(ctx: Context, s: TelemetrySample) -> None:
-    """Look at a sample of the flight; tell when the lean begins or ends to limit it, and take the wind that this measures."""
+    """Process a sample of the flight; report when the lean begins or ends to limit it, and use the wind that this measures."""
     leg, watch = ctx.delivery.leg, ctx.lean
     cruises = s.height_m > 0.6 * ctx.job.scenario.rules.cruise_height_m
     if leg is None or not ctx.in_air or not cruises or ctx.vehicle.mode != "mission":

@@ -14,9 +14,9 @@ if TYPE_CHECKING:
     from skyway.models.queues.pad_service import PadService
 
 ASK_EVERY_S = 30.0
-"""What was told of a station holds for so long."""
+"""Time for which a report about a station is valid, s."""
 SILENT_S = 60.0
-"""Pause after a failure of a pad service: each request may take seconds, during which nothing else is monitored."""
+"""Pause after a failure of a pad service, s: each request may take seconds, during which nothing else is monitored."""
 
 
 class PadsAhead(Mapping[str, int]):
@@ -24,13 +24,13 @@ class PadsAhead(Mapping[str, int]):
 
     def __init__(self, pads: PadService, now_s: Callable[[], float]) -> None:
         self._pads, self._now_s = pads, now_s
-        self._told: dict[str, tuple[float, int]] = {}
+        self._reports: dict[str, tuple[float, int]] = {}
         self._silent_until_s = -math.inf
 
     def __getitem__(self, station: str) -> int:
         now_s = self._now_s()
-        asked_s, present = self._told.get(station, (-math.inf, 0))
-        if now_s < asked_s + ASK_EVERY_S:
+        requested_s, present = self._reports.get(station, (-math.inf, 0))
+        if now_s < requested_s + ASK_EVERY_S:
             return present
         if now_s < self._silent_until_s:
             raise KeyError(station)
@@ -39,12 +39,12 @@ class PadsAhead(Mapping[str, int]):
         except (LinkError, InputError) as error:
             self._silent_until_s = now_s + SILENT_S
             raise KeyError(station) from error
-        self._told[station] = now_s, status.present
+        self._reports[station] = now_s, status.present
         return status.present
 
     def __iter__(self) -> Iterator[str]:
-        """Over those that were told of."""
-        return iter(self._told)
+        """Iterate over the stations with a report."""
+        return iter(self._reports)
 
     def __len__(self) -> int:
-        return len(self._told)
+        return len(self._reports)

@@ -15,11 +15,12 @@ if TYPE_CHECKING:
     from skyway.link.telemetry.vehicle_monitor import Change
 
 ALONE_S = 2.5
-"""So long we listen for other supervisors before the first order: each tells of itself every second."""
+"""Time to receive messages of other supervisors before the first command, s: each broadcasts its presence every
+second."""
 
 
 def follows_a_landing(ctx: Context, change: Change) -> bool:
-    """Whether a change is the autopilot's own at the end of a flight: it disarms, and leaves the mission's mode."""
+    """Whether a change is the autopilot's own at the end of a flight: it disarms, and leaves mission mode."""
     s = ctx.observed.sample
     down = s is not None and s.landed == 1.0 and not ctx.in_air
     ends = (change.what == "armed" and change.after == "disarmed") or (change.what == "mode" and not ctx.vehicle.armed)
@@ -27,16 +28,16 @@ def follows_a_landing(ctx: Context, change: Change) -> bool:
 
 
 def landed(ctx: Context) -> bool:
-    """Whether the flight is over: disarmed, and on the ground as far as it reports."""
+    """Whether the flight has ended: disarmed, and on the ground as far as reported."""
     return ctx.on_ground and not ctx.vehicle.armed
 
 
 def refuse_foreign(ctx: Context, changes: Sequence[Change], own_modes: tuple[str, ...]) -> None:
-    """Hold (a `Turn`) in the air where something is not ours: a mode, a mission, a restart."""
+    """Hold (a `Turn`) in the air if something is not ours: a mode, a mission, a restart."""
     for change in changes:
         if change.ours:
             continue
-        # the end of a mission changes the mode too, and so does one that has been changed back already
+        # the end of a mission changes the mode too, and so does a change that was already reverted
         lasts = ctx.vehicle.mode == change.after and ctx.in_air
         if change.what == "mode" and change.after not in own_modes and lasts:
             said = "; ".join(ctx.vehicle.texts()[-2:])
@@ -49,7 +50,7 @@ def refuse_foreign(ctx: Context, changes: Sequence[Change], own_modes: tuple[str
 
 
 def refuse_on_ground(ctx: Context, changes: Sequence[Change]) -> None:
-    """Hold (a `Turn`) on the ground where somebody else arms the drone, or changes the mission it is about to fly."""
+    """Hold (a `Turn`) on the ground if somebody else arms the drone, or changes the mission it is about to fly."""
     for change in changes:
         if change.ours:
             continue
@@ -60,7 +61,7 @@ def refuse_on_ground(ctx: Context, changes: Sequence[Change]) -> None:
 
 
 def _foreign(ctx: Context, change: Change) -> str:
-    """What somebody else changed of that which a flight relies on, or who took control; nothing where it is neither."""
+    """Describe what somebody else changed that a flight depends on, or who took control; empty if neither happened."""
     if change.what in KINDS:
         return f"somebody else changed the {change.what} of the drone ({change.before} to {change.after})"
     kind, _, name = change.what.partition(" ")
@@ -72,9 +73,9 @@ def _foreign(ctx: Context, change: Change) -> str:
 
 
 def must_be_alone(ctx: Context) -> None:
-    """End a delivery (a `Turn`) beside which another skyway supervises the drone.
+    """End a delivery (a `Turn`) while another skyway supervises the drone.
 
-    Of two that have not commanded it yet the one with the lower system and component id goes on; one that has, goes on.
+    Of two that have not commanded it yet the one with the lower system and component id continues; one that has, continues.
     """
     connection = ctx.vehicle.connection
     other = connection.stations.supervisor_of(ctx.vehicle.system, connection.clock.now_s())
@@ -87,7 +88,7 @@ def must_be_alone(ctx: Context) -> None:
 
 
 def first_order(ctx: Context) -> None:
-    """Check before the first order that nobody else supervises the drone, and that it obeys us. Raises a `Turn` otherwise."""
+    """Check before the first command that nobody else supervises the drone, and that it obeys us. Raises a `Turn` otherwise."""
     connection = ctx.vehicle.connection
     connection.supervise(ctx.vehicle.system, commanded=connection.commanded)
     end = ctx.clock.now_s() + ALONE_S

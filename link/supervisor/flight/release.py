@@ -1,7 +1,7 @@
-"""Release in the air: the mission lowers or places the package over the target and flies on; this module watches it and collects evidence.
+"""Release in the air: the mission lowers or places the package over the target and flies on; this module monitors it and collects evidence.
 
-Nothing is commanded: with a lost link the vehicle does the same. Which item it is at says where in the release it is; what a winch tells of its line, and what ArduPilot
-says of a payload place, is evidence. From the last of these items on the drone is on its way back, and is weighed.
+Nothing is commanded: with a lost link the vehicle does the same. The current mission item gives the stage of the release; the line length reported by a winch, and what ArduPilot
+reports of a payload place, are evidence. From the last of these items on the drone flies back, and its mass is estimated.
 """
 
 from __future__ import annotations
@@ -24,11 +24,13 @@ if TYPE_CHECKING:
 _OPENED = re.compile(r"PayloadPlace:.*(releas|landed)|Gripper load releas", re.IGNORECASE)
 _KEPT = re.compile(r"PayloadPlace:.*(maximum descent|abort|rangefinder)", re.IGNORECASE)
 HANGS_S = 9.0
-"""After the release has started the package still hangs on the drone: it is weighed in the hover, or the slow descent."""
+"""Time after the start of the release during which the package still hangs on the drone, s: it is weighed in the
+hover, or the slow descent."""
 ASK_S, SAME_M = 3.0, 0.1
-"""A winch is asked so often for its line while it lets it out; what differs less is the same."""
+"""Interval of requests for the line length while a winch unwinds, s; and the difference below which two lengths are
+the same, m."""
 LINE_M = 0.5
-"""A line that is so much shorter than the hover is high has not brought the package down."""
+"""A line shorter than the hover height by more than this has not lowered the package to the ground, m."""
 
 
 @dataclass(slots=True)
@@ -36,25 +38,26 @@ class ReleaseWatch:
     """Progress of the release on one leg; written only by `watch_release`."""
 
     begun_s: float | None = None
-    """By the clock, when its first item was seen to be flown."""
+    """Time at which its first item was seen to be flown, by the clock."""
     line_m: float | None = None
-    """Line out, as the winch told it last while it was to be let out; None was not told."""
+    """Line length as last reported while it was unwound; None if never reported."""
     stands: bool = False
-    """It told the same twice: the drum has stopped."""
-    asked_s: float = -math.inf
+    """Two successive reports were the same: the drum has stopped."""
+    requested_s: float = -math.inf
     seen_before: bool = False
-    """It was watched as the release began: a program that was restarted over the target does not know how long the package hangs."""
+    """It was monitored from the beginning of the release: a program restarted over the target does not know how
+    long the package hangs."""
     weighed: bool = False
 
     def take(self, line_m: float | None) -> None:
-        """Take how much line is out."""
+        """Take a reported line length."""
         if line_m is not None:
             self.stands = self.line_m is not None and abs(line_m - self.line_m) < SAME_M
             self.line_m = line_m
 
 
 def watch_release(ctx: Context, watch: ReleaseWatch) -> None:
-    """Look where in the release the vehicle is; once it is over, the drone is on its way back."""
+    """Determine the stage of the release; once it is over, the drone is on its way back."""
     leg = ctx.delivery.leg
     if leg is None or not hovers(ctx.job.options.release) or not ctx.delivers_at(leg.destination):
         return
@@ -73,8 +76,8 @@ def watch_release(ctx: Context, watch: ReleaseWatch) -> None:
         if watch.seen_before and not watch.weighed and now_s >= watch.begun_s + HANGS_S:
             watch.weighed = True
             ctx.proof.before_release(ctx)
-        if ctx.job.options.release == "winch" and number == items[0] + 1 and now_s >= watch.asked_s + ASK_S:
-            watch.asked_s = now_s
+        if ctx.job.options.release == "winch" and number == items[0] + 1 and now_s >= watch.requested_s + ASK_S:
+            watch.requested_s = now_s
             watch.take(_line_m(ctx))
         return
     acknowledged, how = _said(ctx, watch)
@@ -85,7 +88,7 @@ def watch_release(ctx: Context, watch: ReleaseWatch) -> None:
 
 
 def _item(ctx: Context) -> int | None:
-    """Number of the item that it flies, as we count; None where it has not told."""
+    """Number of the current item in our numbering; None if not reported."""
     said = ctx.vehicle.peer.latest.get("MISSION_CURRENT")
     return None if said is None else int(said["seq"]) - ctx.vehicle.family.home_items
 
@@ -98,7 +101,7 @@ def _line_m(ctx: Context) -> float | None:
 
 
 def _said(ctx: Context, watch: ReleaseWatch) -> tuple[bool | None, str]:
-    """What the vehicle says of the release: true, false, or nothing; and in words."""
+    """Report of the vehicle on the release: true, false or None; and in words."""
     since_s = ctx.status.entered_s if watch.begun_s is None else watch.begun_s - 1.0
     if ctx.job.options.release == "place":
         if kept := ctx.texts.saying(_KEPT, since_s):

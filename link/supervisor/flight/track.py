@@ -1,4 +1,4 @@
-"""The vehicle's position, written to the journal from time to time."""
+"""Position of the vehicle, written to the journal at intervals."""
 
 from __future__ import annotations
 
@@ -21,10 +21,10 @@ class Track:
     """The track of one delivery."""
 
     written_s: float = -math.inf
-    """When it was last written, POSIX seconds."""
+    """Time of the last record, POSIX seconds."""
 
     def write(self, ctx: Context) -> None:
-        """Write where it is, from time to time."""
+        """Write the position, at intervals."""
         every_s = TRACK_EVERY_S if ctx.in_air else GROUND_TRACK_EVERY_S
         s = ctx.observed.sample
         if s is None or ctx.now_s < self.written_s + every_s:
@@ -61,7 +61,7 @@ class Track:
 
 
 def _winds_here(ctx: Context, s: TelemetrySample, *, updated: bool) -> Winds:
-    """Summarise what the first forecast, or the updated one, says of here and now."""
+    """Summarise the first forecast, and the updated one, for here and now."""
     if ctx.place is None:
         return Winds()
     return winds(ctx.wind.forecast_at(s.time_s, s.lat_deg, s.lon_deg, updated=updated))

@@ -23,7 +23,7 @@ LAND_AGAIN_S = 5.0
 
 
 def intend(ctx: Context, station: str | None) -> None:
-    """Keep in the leg where it is going now: the last thing on disk before it is commanded."""
+    """Store the destination with the leg: the last record on disk before the command."""
     leg = ctx.delivery.leg
     if leg is None:
         return
@@ -68,7 +68,7 @@ def turn(ctx: Context, station: str, state: State) -> After:
 
 
 def _with_all_off(mission: LegMission, work: LegMission) -> LegMission:
-    """Stop what the work runs on its way (pictures, video, spraying) behind the first place of a mission."""
+    """Stop, before the first place of a mission, what the work runs on its way (pictures, video, spraying)."""
     whole = mission.document.mission
     first, *others = whole.items
     items = (first, *orders_off(work.document.mission.items), *others)
@@ -76,7 +76,7 @@ def _with_all_off(mission: LegMission, work: LegMission) -> LegMission:
 
 
 def _height_m(ctx: Context, leg: Leg, now_m: float) -> float:
-    """Height above home of the way to a station: over zones and terrain as high as the leg is flown, for which the way was found free."""
+    """Height of the route to a station above home, m: over zones and terrain as high as the leg, for which the route was found free."""
     network = ctx.job.scenario.network
     highest_m = leg.top_m - leg.home_ground_m
     if (network.zones is None and network.over is None) or not math.isfinite(highest_m):
@@ -85,7 +85,7 @@ def _height_m(ctx: Context, leg: Leg, now_m: float) -> float:
 
 
 def _speed_mps(ctx: Context, here: tuple[float, float], station: str) -> float:
-    """Ground speed of the planned airspeed on the way to a station, in the wind as it is known now; of work that of its ways to pads."""
+    """Ground speed of the planned airspeed on the route to a station, in the wind as now known; for work that of its ways to pads."""
     if ctx.job.work is not None:
         return ctx.job.work.transit_mps
     cleared_m = (
@@ -97,7 +97,7 @@ def _speed_mps(ctx: Context, here: tuple[float, float], station: str) -> float:
 
 
 def _reposition(ctx: Context, station: str, plan: Any, mission: LegMission) -> After:
-    """Fly to a station by reposition or GUIDED, as high as the mission there would, and land."""
+    """Fly to a station by reposition or GUIDED, at the height of the mission there, and land."""
     place = plan.stations[station]
     height_m = mission.document.mission.items[0].z
     diversion = Diversion(ctx.vehicle, Refuge(place.lat, place.lon, height_m))
@@ -117,21 +117,21 @@ def _reposition(ctx: Context, station: str, plan: Any, mission: LegMission) -> A
 
 
 def _unfinished(ctx: Context, station: str, error: VehicleTimeoutError) -> NoReturn:
-    """A turn whose orders are not answered is restarted when the link is back."""
+    """Return to the state for an unfinished turn: its commands are repeated when the link is back."""
     ctx.divert.to(station)
     raise Turn(State.LOST_LINK, f"the link was lost while the drone was diverted to {station}: {error}") from error
 
 
 def land_here(ctx: Context) -> After:
-    """Land at the present position; repeats the order until it does."""
-    told_s = -math.inf
+    """Land at the present position; the command is repeated until the vehicle lands."""
+    commanded_s = -math.inf
     while True:
-        if ctx.vehicle.mode != "land" and ctx.vehicle.armed and ctx.now_s >= told_s + LAND_AGAIN_S:
+        if ctx.vehicle.mode != "land" and ctx.vehicle.armed and ctx.now_s >= commanded_s + LAND_AGAIN_S:
             try:
                 ctx.vehicle.land()
             except LinkError as error:
                 ctx.note(Turned(), f"the order to land was not accepted: {error}")
-            told_s = ctx.now_s
+            commanded_s = ctx.now_s
         refuse_foreign(ctx, ctx.tick(), ("land", "mission"))
         if landed(ctx):
             return State.LANDED, "landed and disarmed where it was"

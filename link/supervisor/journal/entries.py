@@ -38,7 +38,7 @@ class Start(Entry, frozen=True, kw_only=True, tag="start"):
 
 
 class Met(Entry, frozen=True, kw_only=True, tag="vehicle"):
-    """The vehicle was met."""
+    """The vehicle was connected."""
 
     system: int | None
     autopilot: str | None
@@ -61,7 +61,7 @@ class PlanTaken(Entry, frozen=True, kw_only=True, tag="plan"):
 
 
 class WentOn(Entry, frozen=True, kw_only=True, tag="onward"):
-    """The package was delivered, or could not be: the drone flies on from the target by this plan, not before `leave_s`."""
+    """The package was delivered, or could not be: the drone continues from the target by this plan, not before `leave_s`."""
 
     destination: str | None
     loaded: bool | None
@@ -84,13 +84,13 @@ class Decided(Entry, frozen=True, kw_only=True, tag="decision"):
 
     @property
     def new_plan(self) -> bool | None:
-        """Whether it put another plan in force."""
+        """Whether the decision put another plan in force."""
         value = self.figures.get("new_plan")
         return value if isinstance(value, bool) else None
 
 
 class Resumed(Entry, frozen=True, kw_only=True, tag="resume"):
-    """The program was restarted: `last` record found, or the `mode` the vehicle was found in."""
+    """The program was restarted: `last` record found, or the `mode` in which the vehicle was found."""
 
     last: int | None = None
     mode: str | None = None
@@ -108,7 +108,7 @@ class Ended(Entry, frozen=True, kw_only=True, tag="end"):
 
 
 class WorkStands(Entry, frozen=True, kw_only=True, tag="work-stands"):
-    """The work is done up to a point, and continues from a pad; or it is finished."""
+    """State of the work: done up to a point, to be continued from a pad; or finished."""
 
     point: int | None
     pad: str | None
@@ -132,7 +132,7 @@ class WorkDone(Entry, frozen=True, kw_only=True, tag="work-done"):
 
 
 class WorkTurned(Entry, frozen=True, kw_only=True, tag="work-turn"):
-    """The work is left earlier in flight, at a point for a pad; `begun` before it is commanded."""
+    """The flight leaves the work earlier, at a point for a pad; `begun` before it is commanded."""
 
     point: int | None = None
     pad: int | None = None
@@ -144,7 +144,7 @@ class WorkTurned(Entry, frozen=True, kw_only=True, tag="work-turn"):
 
 
 class ListDone(Entry, frozen=True, kw_only=True, tag="preflight"):
-    """The list was gone through."""
+    """The checklist was completed."""
 
     checks: tuple[Checked, ...]
     failsafes: dict[str, Any]
@@ -160,7 +160,7 @@ class CheckDone(Entry, frozen=True, kw_only=True, tag="check"):
 
 
 class Waiting(Entry, frozen=True, kw_only=True, tag="waits"):
-    """The list waits."""
+    """A wait of the checklist."""
 
     left_s: float | None
 
@@ -177,7 +177,7 @@ class Briefed(Entry, frozen=True, kw_only=True, tag="briefing"):
 
 
 class ParameterNote(Entry, frozen=True, kw_only=True, tag="parameter"):
-    """A parameter is about to be set, was set, or was put back."""
+    """A parameter is about to be set, was set, or was restored."""
 
     name: str | None = None
     done: str | None = None
@@ -196,7 +196,7 @@ class Uploaded(Entry, frozen=True, kw_only=True, tag="upload"):
 
 
 class StartNote(Entry, frozen=True, kw_only=True, tag="start"):
-    """A take-off was refused, or not started."""
+    """A take-off was refused, or not commanded."""
 
 
 # The flight
@@ -223,7 +223,7 @@ class LegBegun(Entry, frozen=True, kw_only=True, tag="leg"):
 
 
 class Tracked(Entry, frozen=True, kw_only=True, tag="track"):
-    """Where it is, from time to time; winds TOWARDS."""
+    """Position at intervals; winds TOWARDS."""
 
     SPREAD: ClassVar[Mapping[str, str]] = {"forecast": "forecast_", "believed": "believed_", "expected": ""}
     lat: float | None
@@ -248,7 +248,7 @@ class Tracked(Entry, frozen=True, kw_only=True, tag="track"):
     modelled_soc: float | None = None
 
     def measured_words(self) -> str | None:
-        """Return the wind as it was measured at the vehicle, with its sigma; None where it was not."""
+        """Return the wind as measured at the vehicle, with its standard deviation, in words; None if not measured."""
         north, east, sigma = self.wind_north_mps, self.wind_east_mps, self.wind_sigma_mps
         if north is None or east is None or self.wind_source not in (None, "measured", "held"):
             return None
@@ -258,7 +258,7 @@ class Tracked(Entry, frozen=True, kw_only=True, tag="track"):
 
 
 class SpeedLimited(Entry, frozen=True, kw_only=True, tag="limit"):
-    """It leans as far as its autopilot lets it and is slower than commanded, or no longer so."""
+    """The vehicle leans as far as its autopilot permits and is slower than commanded, or no longer so."""
 
     limited: bool | None
     lean_deg: float | None
@@ -268,7 +268,7 @@ class SpeedLimited(Entry, frozen=True, kw_only=True, tag="limit"):
 
 
 class Turned(Entry, frozen=True, kw_only=True, tag="turn"):
-    """It is sent elsewhere in flight (no destination: it lands here); `begun` before it is commanded."""
+    """The vehicle is diverted in flight (no destination: it lands at its position); `begun` before it is commanded."""
 
     destination: str | None = None
     begun: bool | None = None
@@ -297,7 +297,7 @@ class EnergyLearnt(Entry, frozen=True, kw_only=True, tag="energy"):
 
 
 class Truth(Entry, frozen=True, kw_only=True, tag="truth"):
-    """What really blows, in a simulation that knows it; TOWARDS."""
+    """True wind of a simulation; TOWARDS."""
 
     wind_north_mps: float | None
     wind_east_mps: float | None
@@ -319,7 +319,7 @@ class PadAnswered(Entry, frozen=True, kw_only=True, tag="pad"):
 
 
 class CounterSet(Entry, frozen=True, kw_only=True, tag="battery"):
-    """The vehicle's counter was set."""
+    """The vehicle's battery counter was set."""
 
     soc: Share
     reported: float | None
@@ -348,7 +348,7 @@ class Proved(Entry, frozen=True, kw_only=True, tag="proof"):
 
 
 class Changed(Entry, frozen=True, kw_only=True, tag="change"):
-    """Something about the vehicle became different."""
+    """A change of the vehicle."""
 
     what: str | None
     before: str | None
@@ -365,7 +365,7 @@ class TextHeard(Entry, frozen=True, kw_only=True, tag="text"):
 
 
 class GaugeNote(Entry, frozen=True, kw_only=True, tag="gauge"):
-    """A pad measured less, or more, than the vehicle said; or charge was lost at once."""
+    """A pad measured less, or more, than the vehicle reported; or charge was lost suddenly."""
 
     used_soc: float | None = None
     said_soc: float | None = None
@@ -374,7 +374,7 @@ class GaugeNote(Entry, frozen=True, kw_only=True, tag="gauge"):
 
 
 class LinkNote(Entry, frozen=True, kw_only=True, tag="link"):
-    """Something about the link."""
+    """An event of the link."""
 
     gone_s: float | None = None
 
@@ -412,7 +412,7 @@ class LogsSeen(Entry, frozen=True, kw_only=True, tag="logs"):
 
 
 class ClientNote(Entry, frozen=True, kw_only=True, tag="client"):
-    """Another ground station, to which the link is forwarded, did something, or was refused it."""
+    """An action of another ground station to which the link is forwarded, or its refusal."""
 
     client: str | None
     system: int | None
@@ -432,7 +432,7 @@ class AircraftNear(Entry, frozen=True, kw_only=True, tag="traffic"):
 
 
 class GaveWay(Entry, frozen=True, kw_only=True, tag="give-way"):
-    """The drone gives way to another aircraft, or flies on: ``hold``, ``land``, ``go`` or ``ignored``; without `station` it holds in the air."""
+    """The drone gives way to another aircraft, or continues: ``hold``, ``land``, ``go`` or ``ignored``; without `station` it holds in the air."""
 
     action: str | None
     aircraft: str | None = None
@@ -447,18 +447,18 @@ class Rebooted(Entry, frozen=True, kw_only=True, tag="reboot"):
 
 
 class SpeedNote(Entry, frozen=True, kw_only=True, tag="speed"):
-    """A ground speed was not taken over."""
+    """A ground speed command was not accepted."""
 
 
 class OperatorNote(Entry, frozen=True, kw_only=True, tag="operator"):
-    """The operator was asked, or said something."""
+    """A question to the operator, or an input."""
 
     question: str | None = None
     answers: tuple[str, ...] = ()
 
 
 class Ordered(Entry, frozen=True, kw_only=True, tag="order"):
-    """A person ordered something: it was `taken` or `refused`, and then `done` or `failed`; or command changed hands (`holder`)."""
+    """A command of a person: `taken` or `refused`, and then `done` or `failed`; or a change of command authority (`holder`)."""
 
     word: str | None
     done: str | None

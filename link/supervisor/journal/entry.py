@@ -21,15 +21,15 @@ Place = tuple[float, float]
 class Part(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
     """A group of values.
 
-    A field without a default is always written, as null where it is unknown; one with a default is omitted where it
-    has that. Reading never fails: what is missing, of another kind or beyond all bounds is unknown.
+    A field without a default is always written, as null if unknown; one with a default is omitted if it
+    has that value. Reading never fails: missing values, and those of another type or out of bounds, are unknown.
     """
 
     SPREAD: ClassVar[Mapping[str, str]] = {}
-    """Fields whose parts stand in the same JSON object, each with the prefix of their names."""
+    """Fields whose parts are in the same JSON object, each with this prefix of their names."""
 
     def to_json(self) -> dict[str, Any]:
-        """Return it as the journal has it."""
+        """Return its JSON object."""
         data: dict[str, Any] = {}
         for name, value in msgspec.structs.asdict(self).items():
             if name in self.SPREAD:
@@ -41,7 +41,7 @@ class Part(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
 
     @classmethod
     def read(cls, data: Mapping[str, Any]) -> Self:
-        """Read it from an object of a journal."""
+        """Read it from a JSON object of a journal."""
         given: dict[str, Any] = {}
         readers = _readers(cls)
         others = {key: value for key, value in data.items() if key not in readers} if cls.SPREAD else {}
@@ -71,7 +71,7 @@ def _defaults(kind: type[Part]) -> dict[str, Any]:
 
 @cache
 def _readers(kind: type[Part]) -> dict[str, Callable[[Mapping[str, Any], str], Any]]:
-    """How each field of a kind of part is read."""
+    """Return a reader for each field of a type of part."""
     hints = get_type_hints(kind, include_extras=True)
     return {one.name: _reader(hints[one.name]) for one in msgspec.structs.fields(kind)}
 

@@ -14,14 +14,14 @@ if TYPE_CHECKING:
     from skyway.link.supervisor.journal.file import Record
 
 LARGEST = 1e12
-"""What is larger is no quantity of a flight."""
+"""Larger values are no physical quantity of a flight."""
 LONGEST = 2_000
-"""Characters of a text."""
+"""Maximum length of a text, characters."""
 _FIRST_S, _LAST_S = 0.0, 4_102_444_800.0
 
 
 def number(data: Mapping[str, Any], key: str) -> float | None:
-    """Return a finite number; None where there is none."""
+    """Return a finite number; None if there is none."""
     value = data.get(key)
     if isinstance(value, bool) or not isinstance(value, (int, float)):
         return None
@@ -33,31 +33,31 @@ def number(data: Mapping[str, Any], key: str) -> float | None:
 
 
 def integer(data: Mapping[str, Any], key: str) -> int | None:
-    """Return a whole number; None where there is none."""
+    """Return an integer; None if there is none."""
     found = number(data, key)
     return int(found) if found is not None and found == int(found) else None
 
 
 def share(data: Mapping[str, Any], key: str) -> float | None:
-    """Return a number from 0 to 1; None where there is none."""
+    """Return a number from 0 to 1; None if there is none."""
     found = number(data, key)
     return found if found is not None and 0.0 <= found <= 1.0 else None
 
 
 def text(data: Mapping[str, Any], key: str) -> str | None:
-    """Return a text, cut where it is endless; None where there is none."""
+    """Return a text, cut at `LONGEST`; None if there is none."""
     value = data.get(key)
     return value[:LONGEST] if isinstance(value, str) and value else None
 
 
 def truth(data: Mapping[str, Any], key: str) -> bool | None:
-    """Return true or false; None where the field has neither."""
+    """Return true or false; None if the value is neither."""
     value = data.get(key)
     return value if isinstance(value, bool) else None
 
 
 def table(data: Mapping[str, Any], key: str) -> dict[str, Any]:
-    """Return an object; an empty one where there is none."""
+    """Return an object; an empty one if there is none."""
     value = data.get(key)
     return value if isinstance(value, dict) else {}
 
@@ -75,7 +75,7 @@ def words(data: Mapping[str, Any], key: str) -> list[str]:
 
 
 def place(lat: Any, lon: Any) -> tuple[float, float] | None:
-    """Return a position, degrees; None where it is none."""
+    """Return a position, degrees; None if there is none."""
     found = {"lat": lat, "lon": lon}
     north, east = number(found, "lat"), number(found, "lon")
     if north is None or east is None or abs(north) > 90.0 or abs(east) > 180.0:
@@ -91,7 +91,7 @@ def places(data: Mapping[str, Any], key: str) -> list[tuple[float, float]]:
 
 
 def instant_s(value: Any) -> float | None:
-    """Return an instant as POSIX seconds; None where it is none."""
+    """Return an instant as POSIX seconds; None if there is none."""
     if not isinstance(value, str):
         return None
     try:
@@ -102,7 +102,7 @@ def instant_s(value: Any) -> float | None:
 
 
 def timed(records: tuple[Record, ...]) -> Iterator[tuple[float, Record]]:
-    """Go through the records that have an instant."""
+    """Iterate over the records that have an instant."""
     for record in records:
         at_s = instant_s(record.time)
         if at_s is not None:

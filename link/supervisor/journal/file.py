@@ -1,7 +1,7 @@
-"""The flight journal: one JSON object per line, appended, on disk before anything is done about it.
+"""The flight journal: one JSON object per line, appended, and on disk before the action that it records.
 
-What is in it is described in ``docs/reference/journal.md``. A line is torn at most at the very end, where the program was
-killed while it wrote; such a line is omitted when reading, and cut off before writing goes on.
+``docs/reference/journal.md`` describes its contents. Only the last line can be incomplete, if the program was
+killed while it wrote; such a line is omitted in reading, and cut off before writing continues.
 """
 
 from __future__ import annotations
@@ -27,26 +27,26 @@ E = TypeVar("E", bound=Entry)
 SCHEMA = "skyway.journal/1"
 MAX_BYTES = 256 * 1024 * 1024
 UNSYNCED = frozenset({"track", "truth"})
-"""Events that nothing is decided by: flushed, but not forced to the disk."""
+"""Events on which no decision depends: flushed, but not forced to the disk."""
 
 
 class Record(msgspec.Struct, frozen=True, kw_only=True):
     """One line."""
 
     n: int
-    """Counts from 1."""
+    """Number, from 1."""
     time: str
     """ISO 8601, UTC."""
     state: str
     """State of the delivery, see `link.supervisor.states.State`."""
     event: str
-    """What kind of record it is."""
+    """Type of the record."""
     flight: int = 0
-    """Which flight of the delivery it belongs to, from 1; 0 before the first."""
+    """Number of the flight of the delivery, from 1; 0 before the first."""
     reason: str | None = None
-    """A sentence."""
+    """Reason, a sentence."""
     data: dict[str, Any] = msgspec.field(default_factory=dict)
-    """What the event has besides: inputs and decision."""
+    """Data of the event: inputs and decision."""
 
     @property
     def time_s(self) -> float:
@@ -67,13 +67,13 @@ class ReadJournal:
 
     records: tuple[Record, ...]
     whole_bytes: int
-    """Length of the whole lines; what follows is torn."""
+    """Length of the complete lines, bytes; an incomplete one follows."""
 
 
 def read_journal(path: Path) -> ReadJournal:
-    """Read a journal; a torn last line is omitted.
+    """Read a journal; an incomplete last line is omitted.
 
-    Raises an `InputError` if it is not there, is not a journal, or is damaged before its end.
+    Raises an `InputError` if the file is missing, is not a journal, or is damaged before its end.
     """
     data = read_bytes(path, max_bytes=MAX_BYTES)
     records: list[Record] = []
@@ -83,7 +83,7 @@ def read_journal(path: Path) -> ReadJournal:
             record = _DECODER.decode(line)
         except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
             if at + len(line) + 1 == len(data):
-                break  # torn in writing, with a line end that was on the disk before it
+                break  # incomplete, though a line end was on the disk before it
             raise InputError(Fault(f"not a record of a journal: {error}", str(path), number)) from error
         records.append(record)
         at += len(line) + 1
@@ -96,8 +96,8 @@ def read_journal(path: Path) -> ReadJournal:
 class Journal:
     """Writes the journal.
 
-    With `resume` it continues with a file that is there, its torn end cut off; otherwise the file must not exist. Where
-    it cannot be written, an `InputError` ends all: better no flight than one without a journal.
+    With `resume` it continues an existing file, with an incomplete last line cut off; otherwise the file must not exist. If
+    it cannot be written, an `InputError` ends the program: no flight without a journal.
     """
 
     path: Path
@@ -125,7 +125,7 @@ class Journal:
 
     @classmethod
     def beside_others(cls, path: Path, posix_s: Callable[[], float]) -> Journal:
-        """Begin a journal under this name, or where another flight of the same second has it, under the next free one, `NAME-2`, `NAME-3` and so on."""
+        """Begin a journal under this name; if another flight of the same second has it, under the next free one, `NAME-2`, `NAME-3` and so on."""
         for number in itertools.count(1):
             free = path.with_stem(f"{path.stem}-{number}") if number > 1 else path
             try:

@@ -9,7 +9,7 @@ from skyway.models.wind.summary import WindSummary, summary_from
 
 
 class Winds(Part, frozen=True, kw_only=True):
-    """A summary of the winds that may be met; speeds in m/s, direction FROM, None: variable or unknown."""
+    """A summary of the expected winds; speeds in m/s, direction FROM, None: variable or unknown."""
 
     mean_mps: float | None = None
     p10_mps: float | None = None
@@ -18,13 +18,13 @@ class Winds(Part, frozen=True, kw_only=True):
     sector_share: Share = None
 
     def words(self) -> str | None:
-        """Return the wind in words; None where it is unknown."""
+        """Return the wind in words; None if unknown."""
         found = summary_from({name: getattr(self, name) for name in self.__struct_fields__})
         return None if found is None else str(found)
 
 
 def winds(summary: WindSummary) -> Winds:
-    """Return a summary of winds as the journal has it."""
+    """Return a summary of winds as a part of the journal."""
     return Winds(**summary.as_data())
 
 
@@ -61,27 +61,27 @@ class Expected(Part, frozen=True, kw_only=True):
     """Station id."""
     left_s: float | None = None
     late_s: float | None = None
-    """`left_s`, `late_s`: flight time left, and how much later than planned at the take-off it lands."""
+    """`left_s`, `late_s`: flight time left, and delay of the landing against the plan at the take-off."""
     soc_land: Share = None
     planned_soc_land: Share = None
     p_below_reserve: Share = None
     """`soc_land`, `planned_soc_land`, `p_below_reserve`: charge at the landing: expected now, planned; probability that
     it is below the reserve."""
     cross_track_m: float | None = None
-    """Distance from the way."""
+    """Distance from the route."""
     commanded_mps: float | None = None
     """Ground speed last sent."""
     believed_north_mps: float | None = None
     believed_east_mps: float | None = None
     """`believed_north_mps`, `believed_east_mps`: mean wind of the updated forecast, TOWARDS."""
     energy_factor: float | None = None
-    """Energy against the model."""
+    """Ratio of the energy to that of the model."""
     limited: str | None = None
-    """What limits its speed."""
+    """Cause of a limited speed."""
 
 
 class Checked(Part, frozen=True, kw_only=True):
-    """One entry of the list before a take-off."""
+    """One entry of the checklist before a take-off."""
 
     name: str | None
     verdict: str | None
@@ -98,7 +98,7 @@ class ParameterToSet(Part, frozen=True, kw_only=True):
 
 
 class Forecast(Part, frozen=True, kw_only=True):
-    """The forecast that a delivery began with."""
+    """The forecast at the beginning of a delivery."""
 
     members: int | None = None
     labels: tuple[str, ...] = ()

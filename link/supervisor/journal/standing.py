@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 def standing(ctx: Context) -> Standing:
-    """Return it as the journal has it."""
+    """Return the state as a part of the journal."""
     delivery = ctx.delivery
     return Standing(
         station=delivery.station,
@@ -24,27 +24,27 @@ def standing(ctx: Context) -> Standing:
         belief=asdict(ctx.energy.belief),
         diverts=delivery.diverts,
         charge_to=delivery.charge_to,
-        asked_once=ctx.conversation.asked_once,
+        asked_once=ctx.conversation.take_off_confirmed,
         gauge=ctx.energy.gauge,
         lost_soc=ctx.battery.lost_soc,
         observations=tuple(Observation(**asdict(one)) for one in ctx.wind.observations),
     )
 
 
-def restore_standing(ctx: Context, told: Standing) -> None:
-    """Bring it back."""
-    ctx.delivery.restore(told.station, told.visited, told.diverts, told.charge_to)
-    belief = {key: float(value) for key, value in told.belief.items()}
-    ctx.energy.restore(belief, 1.0 if told.gauge is None else told.gauge)
-    ctx.conversation.allow(once=bool(told.asked_once))
-    ctx.battery.restore(lost_soc=told.lost_soc or 0.0)
-    ctx.wind.restore(told.observations)
+def restore_standing(ctx: Context, stored: Standing) -> None:
+    """Restore the state."""
+    ctx.delivery.restore(stored.station, stored.visited, stored.diverts, stored.charge_to)
+    belief = {key: float(value) for key, value in stored.belief.items()}
+    ctx.energy.restore(belief, 1.0 if stored.gauge is None else stored.gauge)
+    ctx.conversation.allow(once=bool(stored.asked_once))
+    ctx.battery.restore(lost_soc=stored.lost_soc or 0.0)
+    ctx.wind.restore(stored.observations)
 
 
 def measured_winds(records: Sequence[Record]) -> tuple[Observation, ...]:
-    """Return the winds at cruise height that a journal last recorded."""
+    """Return the winds at cruise height of the last record in a journal."""
     for record in reversed(records):
-        told = record.entry(PlanTaken) or record.entry(LegBegun) or record.entry(Landed)
-        if told is not None:
-            return told.standing.observations
+        entry = record.entry(PlanTaken) or record.entry(LegBegun) or record.entry(Landed)
+        if entry is not None:
+            return entry.standing.observations
     return ()

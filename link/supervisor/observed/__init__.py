@@ -1,1 +1,1 @@
-"""The vehicle as the supervisor sees it: its state, its texts, whether it answers."""
+"""Observation of the vehicle by the supervisor: its state, its texts, its link."""

@@ -1,4 +1,4 @@
-"""Others on the link: ground stations (``--forward``), radios, other aircraft; reported and journaled."""
+"""Other participants of the link: ground stations (``--forward``), radios, other aircraft; reported and journaled."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
 
 def tell_clients(ctx: Context) -> None:
-    """Report what other stations did since the last call."""
+    """Report the actions of other ground stations since the last call."""
     forwarder = ctx.vehicle.connection.forwarder
     for note in () if forwarder is None else forwarder.notes():
         entry = ClientNote(

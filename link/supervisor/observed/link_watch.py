@@ -1,4 +1,4 @@
-"""Whether the vehicle is heard and answers: a request is repeated while there is time; a silent vehicle is a lost link."""
+"""Whether the vehicle is in contact and answers: a request is repeated while there is time; a silent vehicle is a lost link."""
 
 from __future__ import annotations
 
@@ -19,50 +19,52 @@ if TYPE_CHECKING:
 
 T = TypeVar("T")
 SILENT_S = 5.0
-"""Not heard for so long, the link is lost."""
+"""Time without a message after which the link is lost, s."""
 ASK_AGAIN_S, ASK_FOR_S = 2.0, 900.0
-"""A question without an answer is asked again after so long, for so long."""
+"""Interval and total time of the repetitions of an unanswered request, s."""
 FLYING_RATES: Mapping[int, float] = {30: 5.0, 33: 5.0, 74: 1.0, 1: 1.0, 245: 2.0, 42: 2.0, 2: 1.0, 168: 1.0}
 GROUND_RATES: Mapping[int, float] = {30: 1.0, 33: 2.0, 74: 0.5, 1: 1.0, 245: 1.0, 42: 1.0, 2: 1.0, 168: 0.2, 24: 0.5}
-"""Messages a second on the ground, before a take-off and after a landing."""
+"""Messages per second on the ground, before a take-off and after a landing."""
 RESTING_RATES: Mapping[int, float] = dict.fromkeys((*GROUND_RATES, 31, 32, 65, 141, 147, 230, 242), 0.2)
-"""The same while it charges or waits, perhaps for hours. What some autopilots send unasked is slowed down too."""
+"""Messages per second while the vehicle charges or waits, possibly for hours. Unrequested messages of some
+autopilots are slowed down too."""
 UNREAD = (31, 32, 65, 141)
-"""What some autopilots send unasked, up to seven times a second in all, and nobody here reads: slowed down as well where only we listen."""
+"""Unrequested messages of some autopilots, up to seven per second in all, that nobody here reads: slowed down as
+well if no other station is on the link."""
 AWAKE_S = 2.0
-"""So long we listen after a rest, so that what is known is of now."""
+"""Time to receive telemetry after a rest, s, so that the data are current."""
 
 
 @dataclass(slots=True)
 class LinkWatch:
-    """Reports to the operator about missing answers, and whether only few messages are requested."""
+    """Missing answers reported to the operator, and whether only few messages are requested."""
 
     resting: bool = False
     """The vehicle sends `RESTING_RATES`."""
     slowed: bool = False
-    """It sends little of what is `UNREAD`."""
+    """The vehicle sends `UNREAD` at a low rate."""
     radios: RadioWatch = field(default_factory=RadioWatch)
-    """How good each radio is."""
-    _told: str = ""
+    """Quality of each radio."""
+    _reported: str = ""
 
     def is_new(self, missing: str) -> bool:
-        """Whether the operator has not yet been told that this is missing; marks it as told."""
-        new, self._told = missing != self._told, missing
+        """Whether a missing answer has not yet been reported to the operator; marks it as reported."""
+        new, self._reported = missing != self._reported, missing
         return new
 
     def restarted(self) -> None:
-        """Forget what the vehicle was asked to send less of: after a restart it sends its usual messages."""
+        """Reset the requested rates: after a restart the vehicle sends its usual messages."""
         self.slowed = False
 
     def found_again(self) -> None:
-        """Forget what was missing: the link is back."""
-        self._told = ""
+        """Forget the missing answers: the link is back."""
+        self._reported = ""
 
 
 def ask(ctx: Context, question: Callable[[], T]) -> T:
-    """Put a question to a vehicle that has time, and put it again until it is answered.
+    """Send a request that is not urgent, and repeat it until it is answered.
 
-    Where nothing is answered any more the link is lost (a `Turn`). Where all else is answered, and this has not been
+    If nothing is answered any more the link is lost (a `Turn`). If other requests are answered, and this one has not been
     for `ASK_FOR_S`, it is a `VehicleTimeoutError`.
     """
     end = ctx.clock.now_s() + ASK_FOR_S
@@ -77,26 +79,26 @@ def ask(ctx: Context, question: Callable[[], T]) -> T:
 
 
 def unanswered(ctx: Context, what: VehicleTimeoutError | str) -> None:
-    """Report an unanswered request or a missing message; the link is lost (a `Turn`) where nothing else is answered either."""
+    """Report an unanswered request or a missing message; if nothing else is answered either the link is lost (a `Turn`)."""
     must_answer(ctx, str(what))
     if ctx.link.is_new(str(what)):
         ctx.say(LinkNote(), f"{what}; asking again")
 
 
 def must_answer(ctx: Context, reason: str) -> None:
-    """Go on where the vehicle answers at all; else the link is lost (a `Turn`), with this reason."""
+    """Return if the vehicle answers at all; otherwise the link is lost (a `Turn`), with this reason."""
     if not ctx.vehicle.answers():
         raise Turn(State.LOST_LINK, reason)
 
 
-def must_be_heard(ctx: Context) -> None:
-    """Go on where the vehicle is heard, or the link is known to be lost; else it is lost now (a `Turn`)."""
+def must_be_in_contact(ctx: Context) -> None:
+    """Return if the vehicle is in contact, or the link is known to be lost; otherwise it is lost now (a `Turn`)."""
     if ctx.state is not State.LOST_LINK and ctx.vehicle.silent_s > SILENT_S:
         raise Turn(State.LOST_LINK, f"nothing was heard from the drone for {duration(ctx.vehicle.silent_s)}")
 
 
 def request_telemetry(ctx: Context) -> None:
-    """Ask for the messages of the state we are in."""
+    """Request the messages of the present state."""
     wanted = FLYING_RATES if ctx.state in IN_AIR or ctx.in_air else GROUND_RATES
     usual = dict.fromkeys(RESTING_RATES.keys() - wanted.keys() - _unread(ctx), 0.0) if ctx.link.resting else {}
     slow = {} if ctx.link.slowed else {number: RESTING_RATES[number] for number in _unread(ctx)}
@@ -105,21 +107,21 @@ def request_telemetry(ctx: Context) -> None:
 
 
 def _unread(ctx: Context) -> set[int]:
-    """What the vehicle sends and nobody reads: another station on our link may read it."""
-    connection, heard = ctx.vehicle.connection, ctx.vehicle.peer.latest
+    """Messages that the vehicle sends and nobody reads; none if another station on our link may read them."""
+    connection, received = ctx.vehicle.connection, ctx.vehicle.peer.latest
     shared = connection.forwarder is not None or connection.shared_client is not None
-    return set() if shared else {number for number in UNREAD if kinds()[number].name in heard}
+    return set() if shared else {number for number in UNREAD if kinds()[number].name in received}
 
 
 def rest(ctx: Context) -> None:
-    """Ask for few messages, before a long time on the ground."""
+    """Request few messages, before a long time on the ground."""
     if not ctx.link.resting:
         ctx.link.resting = True
         _request(ctx, RESTING_RATES)
 
 
 def wake(ctx: Context) -> None:
-    """Ask for the usual messages again, and listen until they have come."""
+    """Request the usual messages again, and wait until they arrive."""
     if ctx.link.resting:
         request_telemetry(ctx)
         ctx.wait(AWAKE_S)

@@ -1,4 +1,4 @@
-"""Quality of each radio, journaled from time to time."""
+"""Quality of each radio, journaled at intervals."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ EVERY_S, GROUND_EVERY_S = 20.0, 300.0
 
 @dataclass(slots=True)
 class RadioWatch:
-    """The radios of one delivery; written by `write` alone."""
+    """The radios of one delivery; written only by `write`."""
 
     _written_s: float = -math.inf
     _counted: dict[str, tuple[int, int]] = field(default_factory=dict)
 
     def write(self, ctx: Context) -> None:
-        """Write what each radio carried and lost since it was written last."""
+        """Write the traffic and loss of each radio since the last record."""
         now_s = ctx.vehicle.connection.clock.now_s()
         if now_s < self._written_s + (EVERY_S if ctx.in_air else GROUND_EVERY_S):
             return

@@ -1,6 +1,6 @@
 """State of the vehicle: its identity, its position, whether it flies.
 
-It flies by what it says, by how it moves and by what its motors draw, so that one wrong value decides nothing.
+Flight is detected from the reported state, the motion and the motor current, so that one wrong value decides nothing.
 """
 
 from __future__ import annotations
@@ -16,9 +16,9 @@ if TYPE_CHECKING:
 
 MOVES_MPS, CLIMBS_MPS = 2.0, 0.7
 DRAWS_A, RESTS_A = 10.0, 5.0
-"""Motors that carry a vehicle draw more than one, those that stand still less than the other."""
+"""Motors in flight draw more than the first current, motors at rest less than the second, A."""
 PLACE_FRESH_S = 10.0
-"""A position told so long ago still counts: over bad radios many are lost."""
+"""Maximum age of a valid position, s: over poor radios many are lost."""
 
 
 @dataclass(slots=True)
@@ -27,9 +27,9 @@ class VehicleState:
 
     sample: TelemetrySample | None = None
     uid: int = 0
-    """Hardware id; 0 where it is unknown."""
+    """Hardware id; 0 if unknown."""
     remote_id: RemoteIdWatch = field(default_factory=RemoteIdWatch)
-    """Who flies it, as it broadcasts that."""
+    """Remote ID that the vehicle broadcasts."""
     _reboots: int = 0
     _position: tuple[float, float, float] = (math.nan, math.nan, -math.inf)
 
@@ -42,7 +42,7 @@ class VehicleState:
     # Identity
 
     def identify(self, uid: int) -> None:
-        """Take the hardware id that this delivery belongs to."""
+        """Set the hardware id to which this delivery belongs."""
         self.uid = uid
 
     def is_another(self, uid: int) -> bool:
@@ -50,33 +50,33 @@ class VehicleState:
         return bool(self.uid and uid and uid != self.uid)
 
     def restarted(self, reboots: int) -> bool:
-        """Whether the vehicle has restarted since this was asked last, by the number of its restarts."""
+        """Whether the vehicle has restarted since the last call, by its boot counter."""
         changed, self._reboots = reboots != self._reboots, reboots
         return changed
 
     @property
     def system(self) -> str:
-        """MAVLink system id, by which pads know it; ``1`` until it is known."""
+        """MAVLink system id, by which pads identify it; ``1`` until known."""
         return str(1 if self.sample is None else self.sample.system)
 
     # Place
 
     @property
     def on_ground(self) -> bool:
-        """Whether it is known to stand disarmed on the ground."""
+        """Whether the vehicle is known to stand disarmed on the ground."""
         s = self.sample
         return s is not None and s.armed == 0.0 and not flies(s)
 
     @property
     def in_air(self) -> bool:
-        """Whether it flies, or is armed and not known to be on the ground."""
+        """Whether the vehicle flies, or is armed and not known to be on the ground."""
         s = self.sample
         known = None if s is None else flies(s)
         return s is not None and (s.armed == 1.0 if known is None else known)
 
     @property
     def place(self) -> tuple[float, float] | None:
-        """Latitude and longitude; None where they are unknown."""
+        """Latitude and longitude; None if unknown."""
         lat, lon, time_s = self._position
         if self.sample is None or self.sample.time_s > time_s + PLACE_FRESH_S:
             return None
@@ -84,7 +84,7 @@ class VehicleState:
 
 
 def flies(sample: TelemetrySample) -> bool | None:
-    """Return whether it is in the air by most of its indications; None where they are even and its state is unknown."""
+    """Return whether it is in the air by most of its indications; None if they are even and its state is unknown."""
     witnesses = [_said(sample), _moves(sample), _draws(sample)]
     known = [one for one in witnesses if one is not None]
     up = sum(known)

@@ -15,29 +15,29 @@ if TYPE_CHECKING:
     from skyway.link.supervisor.context import Context
 
 NOTICE = 5
-"""MAV_SEVERITY from which on (downwards) a person is told: emergency 0 to notice 5; info 6 and debug 7 are journaled."""
+"""Least severe MAV_SEVERITY that is shown: emergency 0 to notice 5; info 6 and debug 7 are journaled."""
 SEVERITIES = ("emergency", "alert", "critical", "error", "warning", "notice", "info", "debug")
 AGAIN_S = 30.0
-"""A text that goes on being said is told again after so long, then after twice as long, and so on."""
+"""Time after which a persistent text is shown again, s; the interval then doubles each time."""
 _QUIET_S = 600.0
-"""One that was not said for so long counts as new."""
+"""A text not repeated for this time counts as new, s."""
 _MAX_TEXTS = 500
 _FIGURE = re.compile(r"[-+]?\d+\.\d+")
 
 
 @dataclass(slots=True)
 class Said:
-    """One text, said once or more."""
+    """One text, received once or more."""
 
     text: str
-    """As it was said last."""
+    """Its last version."""
     severity: int
     """MAV_SEVERITY."""
     count: int = 0
-    """How often."""
-    heard_s: float = -math.inf
-    told_s: float = -math.inf
-    told_count: int = 0
+    """Number of times."""
+    received_s: float = -math.inf
+    shown_s: float = -math.inf
+    shown_count: int = 0
     wait_s: float = AGAIN_S
 
     def __str__(self) -> str:
@@ -56,13 +56,13 @@ class TextLog:
     _said: dict[str, Said] = field(default_factory=dict)
 
     def hear(self, texts: Iterable[tuple[int, str]], now_s: float) -> list[Said]:
-        """Read new messages; returns those to report to a person or the journal now."""
+        """Process new messages; return those to be shown or journaled now."""
         for severity, text in texts:
             key = _FIGURE.sub("#", text)
             said = self._said.get(key)
-            if said is None or now_s > said.heard_s + _QUIET_S:
+            if said is None or now_s > said.received_s + _QUIET_S:
                 said = self._said[key] = Said(text, severity)
-            said.text, said.severity, said.heard_s = text, severity, now_s
+            said.text, said.severity, said.received_s = text, severity, now_s
             said.count += 1
             self.latest = said
         while len(self._said) > _MAX_TEXTS:
@@ -70,17 +70,17 @@ class TextLog:
         return list(self._due(now_s))
 
     def saying(self, words: re.Pattern[str], since_s: float) -> str:
-        """The last message since an instant that has some words in it; empty where there was none."""
-        found = [said for said in self._said.values() if said.heard_s >= since_s and words.search(said.text)]
-        return max(found, key=lambda said: said.heard_s).text if found else ""
+        """Return the last message since an instant that contains some words; empty if there is none."""
+        found = [said for said in self._said.values() if said.received_s >= since_s and words.search(said.text)]
+        return max(found, key=lambda said: said.received_s).text if found else ""
 
     def _due(self, now_s: float) -> Iterator[Said]:
         for said in self._said.values():
-            if said.count == said.told_count or now_s < said.told_s + (said.wait_s if said.told_count else 0.0):
+            if said.count == said.shown_count or now_s < said.shown_s + (said.wait_s if said.shown_count else 0.0):
                 continue
-            if said.told_count:
+            if said.shown_count:
                 said.wait_s *= 2.0
-            said.told_s, said.told_count = now_s, said.count
+            said.shown_s, said.shown_count = now_s, said.count
             yield said
 
 

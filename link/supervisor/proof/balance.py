@@ -1,8 +1,8 @@
-"""How much less a drone draws in some stretches of its flights than in the others, with its uncertainty.
+"""Reduction of a drone's power in some stretches of its flights against the others, with its uncertainty.
 
-The logarithm of power over the model's is a sum of what nobody knows beforehand, each with its standard deviation: the efficiency of this drone; how much airspeed, climb
-and sinking take of it; how the model is off at this airspeed and climb, the same wherever it flies alike; what differs from flight to flight; and scatter. So stretches that were flown
-alike are compared well, and others as well as the flights so far have shown what is between them. All are normal, so the best estimate of a fall is that of generalised least
+The logarithm of the ratio of power to the model is a sum of unknown terms, each with its standard deviation: the efficiency of this drone; the effect of airspeed, climb
+and descent; the model error at this airspeed and climb, common to similar flight; the difference between flights; and scatter. So similar stretches
+are compared accurately, and others as far as the flights so far determine their differences. All terms are normal, so the best estimate of a fall is that of generalised least
 squares (C. R. Rao, *Linear Statistical Inference*, 2nd ed., section 4a), and its standard deviation is known.
 """
 
@@ -20,13 +20,14 @@ if TYPE_CHECKING:
     from skyway.link.supervisor.proof.stretches import Stretch
 
 _EFFICIENCY_SIGMA = 5.0
-"""As good as nothing is known."""
+"""Standard deviation of an unknown efficiency: practically uninformative."""
 _AIRSPEED_SIGMA, _CLIMB_SIGMA, _SINK_SIGMA = 0.3, 0.2, 0.2
-"""Of what airspeed changes, relative to the model; and of the shares of T v that climbing takes (0.43 to 1, see `power_units`) and sinking gives back (0 to 0.6)."""
+"""Standard deviations of the effect of airspeed, relative to the model; and of the shares of T v of a climb (0.43
+to 1, see `power_units`) and of a descent (0 to 0.6)."""
 _MODEL_SIGMA, _LIKE_AIRSPEED_MPS, _LIKE_CLIMB_MPS = 0.02, 4.0, 1.5
-"""How the model is off besides, relative; and so far apart in airspeed and climb it is off in another way."""
+"""Remaining relative model error; and its correlation lengths in airspeed and climb."""
 _FLIGHT_SIGMA, _STRETCH_SIGMA, _SECOND_SIGMA = 0.006, 0.008, 0.03
-"""Between flights; between stretches; and of a second, at least."""
+"""Standard deviation between flights; between stretches; and of a second, at least."""
 
 
 class Balance:
@@ -55,5 +56,5 @@ class Balance:
 
 
 def _apart(values: NDArray[np.float64], like: float) -> NDArray[np.float64]:
-    """Squares of the distances of all, in units of what is alike."""
+    """Squared distances between all stretches, in units of the correlation lengths."""
     return np.asarray(((values[:, None] - values) / like) ** 2)

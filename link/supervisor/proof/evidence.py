@@ -12,17 +12,19 @@ if TYPE_CHECKING:
     from skyway.link.supervisor.proof.weighing import Weight
 
 ABOARD, SURE_SIGMAS, WEIGHABLE = 0.3, 1.0, 0.25
-"""A share of the package above this counts as aboard; a weight nearer to that than so many standard deviations says nothing, nor does
+"""Share of the package above which it counts as on board; a weight within that number of standard deviations of it gives no verdict, nor does
 one whose standard deviation is above the last."""
 
 GONE, GONE_SIGMAS = 0.6, 2.0
-"""Less than this share of it aboard before the release, by so many standard deviations, is a package that was lost on the way."""
+"""A share on board before the release below the first, by the second number of standard deviations, means that the
+package was lost on the way."""
 STILL = 0.5
-"""More than this share of it aboard before the release, by a standard deviation, and the power fell by a gust, not by its loss."""
+"""A share on board before the release above this, by one standard deviation, means that the power fell in a gust,
+not with the package."""
 
 
 class Verdict(StrEnum):
-    """What became of the package."""
+    """Verdict on the package."""
 
     DELIVERED = "delivered"
     NOT_DELIVERED = "not delivered"
@@ -31,25 +33,25 @@ class Verdict(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Evidence:
-    """Evidence so far; None is unknown."""
+    """Evidence so far; None if unknown."""
 
     acknowledged: bool | None = None
-    """The gripper, or the person, said that the package is off."""
+    """The gripper, or the person, reported the release."""
     by_person: bool = False
-    """A person took it off."""
+    """A person took the package off."""
     how: str = ""
-    """What a winch or a payload place was seen to do, where the release was in the air."""
+    """Observation of a winch or a payload place, for a release in the air."""
     lost_s: float | None = None
-    """The power fell as if it left the drone on the way, at this instant, POSIX seconds."""
+    """Time at which power fell as if the package was lost on the way, POSIX seconds."""
     before: Weight | None = None
-    """How much of it was aboard just before the release: in the last seconds of slow descent, or hover."""
+    """Share on board just before the release: in the last seconds of slow descent, or hover."""
     weight: Weight | None = None
-    """How much of it was aboard after the next take-off."""
+    """Share on board after the next take-off."""
     package_kg: float = 0.0
 
     @property
     def lost(self) -> bool:
-        """Whether it left the drone on the way: what was weighed before the release goes before a fall of the power in flight."""
+        """Whether the package was lost on the way: a weighing before the release overrides a fall of the power in flight."""
         b = self.before
         if b is None:
             return self.lost_s is not None
@@ -58,15 +60,15 @@ class Evidence:
 
     @property
     def tried(self) -> bool:
-        """Whether it was tried to release the package."""
+        """Whether a release was tried."""
         return self.acknowledged is not None or bool(self.how)
 
 
 def judge(e: Evidence) -> tuple[Verdict, str]:
     """Return the verdict, and its reason.
 
-    What was weighed goes before what was said: acknowledgements of grippers that did not open are what this is for. A package that
-    was lost on the way was not delivered, whatever the gripper says.
+    A weighing overrides reports: grippers acknowledge without opening. A package that
+    was lost on the way was not delivered, whatever the gripper reports.
     """
     if e.lost and e.lost_s is not None:
         at = f"at {utc_clock(e.lost_s)} UTC"

@@ -1,4 +1,4 @@
-"""The power of a drone by the model of the scale, and the possible errors of the model.
+"""Power of a drone by the model of the scale, and the possible errors of the model.
 
 With thrust T = m g lift, airspeed V and climb v the power is, in units of that of hover without a package,
 
@@ -22,9 +22,9 @@ if TYPE_CHECKING:
 
 USUAL_KAPPA = 1.6
 _LIFTING = (1.0 - BLADE_SHARE) / (INDUCED_FACTOR * INFLOW_MPS)
-"""T v, for a metre a second under the drone's own weight."""
+"""T v for a climb of 1 m/s under the drone's own weight."""
 _CLIMBING, _SINKING = 0.75, 0.3
-"""Shares of T v that climbing takes, and that sinking gives back."""
+"""Shares of T v that a climb takes, and that a descent returns."""
 
 
 class Units(NamedTuple):
@@ -35,9 +35,10 @@ class Units(NamedTuple):
     airspeed: float
     climb: float
     sink: float
-    """`airspeed`, `climb`, `sink`: what airspeed adds to it or takes away, and T v of a climb or a descent, as shares of it."""
+    """`airspeed`, `climb`, `sink`: contribution of airspeed, and T v of a climb or a descent, as shares of the
+    power."""
     package: float
-    """How much its logarithm falls without the package."""
+    """Decrease of its logarithm without the package."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,7 +50,7 @@ class PowerUnits:
     kappa: float = USUAL_KAPPA
     """Exponent of mass in the power of hover."""
     load: AirspeedLoad | None = None
-    """Power over airspeed; None takes the power of hover."""
+    """Power over airspeed; None uses the power of hover."""
 
     @property
     def laden(self) -> float:
@@ -57,11 +58,11 @@ class PowerUnits:
         return (self.drone_kg + self.package_kg) / self.drone_kg
 
     def units(self, lift: float, airspeed_mps: float, climb_mps: float) -> float:
-        """Power with the whole package, in units of that of hover without it."""
+        """Return the power with the whole package, in units of that of hover without it."""
         return sum(self._terms(lift * self.laden, airspeed_mps, climb_mps, self.load))
 
     def of(self, lift: float, airspeed_mps: float, climb_mps: float) -> Units:
-        """Power of a moment; `lift` is thrust over weight."""
+        """Return the power of a moment; `lift` is thrust over weight."""
         load = lift * self.laden
         level, added, rising = self._terms(load, airspeed_mps, climb_mps, self.load)
         total = level + added + rising
@@ -70,7 +71,7 @@ class PowerUnits:
         return Units(math.log(total), added / total, climb, sink, math.log(total / light))
 
     def share(self, drop: float) -> float:
-        """Share of the package on board where the logarithm of power fell by `drop` times the fall for all of it."""
+        """Return the share of the package on board if the logarithm of power fell by `drop` times the fall for the whole package."""
         return float((self.laden ** (1.0 - drop) - 1.0) / (self.laden - 1.0))
 
     def share_slope(self, drop: float) -> float:
@@ -86,7 +87,7 @@ class PowerUnits:
         return level, level * (factor - 1.0), _LIFTING * load * taken
 
     def _without(self) -> AirspeedLoad | None:
-        """Power over airspeed without the package: the same drag holds a lighter drone back more."""
+        """Power over airspeed without the package: the same drag slows a lighter drone more."""
         if self.load is None:
             return None
         drag = self.load.drag

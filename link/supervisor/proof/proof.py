@@ -22,22 +22,22 @@ _OFF_GROUND_M, _DOWN = 0.5, 1.0
 
 @dataclass(slots=True)
 class Proof:
-    """The evidence of one delivery; written by the methods here alone."""
+    """The evidence of one delivery; written only by its own methods."""
 
     evidence: Evidence = field(default_factory=Evidence)
     _scale: Scale | None = None
     _gains: list[float] = field(default_factory=list)
     _down: bool = True
     _releasing: bool = False
-    """It hovers to release the package: power falls when that stands on the ground."""
+    """The drone hovers to release the package: power falls when that stands on the ground."""
     _unwatched: bool = False
-    """It was released, or is, while this program was not there: how long the package hung is unknown."""
+    """A release, or its beginning, happened while this program did not run: how long the package hung is unknown."""
     _open: bool = False
     """A take-off is being weighed."""
 
     @property
     def verdict(self) -> tuple[Verdict, str]:
-        """Whether the package was delivered, as far as is known, and the evidence."""
+        """Return whether the package was delivered, as far as is known, and the evidence."""
         return judge(self.evidence)
 
     @property
@@ -46,7 +46,7 @@ class Proof:
         return self.evidence.lost
 
     def hear(self, ctx: Context, s: TelemetrySample) -> None:
-        """Weigh by a sample of the flight; tell and write down what it shows."""
+        """Weigh by a sample of the flight; report and journal the result."""
         if not ctx.job.request.payload_kg > 0.0:
             return
         if self._scale is None:
@@ -75,7 +75,7 @@ class Proof:
             self._weighed(ctx, self._scale)
 
     def _weighed(self, ctx: Context, scale: Scale) -> None:
-        """A take-off was weighed: under the package it is a measure for later ones, without it the proof."""
+        """Use the weighing of a take-off: with the package it is a reference for later ones, without it the proof."""
         if self.lost:
             return
         if not self.evidence.tried:
@@ -83,7 +83,7 @@ class Proof:
             if gain is not None:
                 ctx.note(
                     Proved(gain_w=gain),
-                    f"power of this take-off under the package: {gain:.0f} W by the model of the scale",
+                    f"power of this take-off with the package: {gain:.0f} W by the model of the scale",
                 )
             return
         self._take(ctx, replace(self.evidence, weight=scale.weigh()))
@@ -109,13 +109,13 @@ class Proof:
             self._take(ctx, replace(self.evidence, before=found, package_kg=ctx.job.request.payload_kg))
 
     def begins_release(self, *, watched: bool) -> None:
-        """It hovers to release the package; `watched`: from the beginning on."""
+        """Record the beginning of a hover for the release; `watched`: observed from its beginning."""
         self._releasing, self._unwatched = True, not watched
         if self._unwatched and self._scale is not None:
             self._scale.may_hang()
 
     def leaves(self, ctx: Context, *, hovered: bool) -> None:
-        """It leaves the place over which it released the package: weigh it from now on; and by the hover, where it only hovered there."""
+        """Record the departure from the place of the release: weigh from now on; and by the hover, if the drone only hovered there."""
         if self._scale is not None:
             self._scale.leave(ctx.now_s, hovered=hovered)
             self._open = True
@@ -138,15 +138,15 @@ class Proof:
     def restore(self, records: Iterable[Record], package_kg: float) -> None:
         """Restore the evidence from a journal."""
         for record in records:
-            told = record.entry(Proved)
-            if told is None:
+            entry = record.entry(Proved)
+            if entry is None:
                 continue
-            if told.gain_w is not None:
-                self._gains.append(told.gain_w)
+            if entry.gain_w is not None:
+                self._gains.append(entry.gain_w)
                 continue
             self.evidence = Evidence(
-                told.acknowledged, bool(told.by_person), told.how or "", told.lost_s,
-                _weight(told.before, told.before_sigma), _weight(told.share, told.sigma), package_kg,
+                entry.acknowledged, bool(entry.by_person), entry.how or "", entry.lost_s,
+                _weight(entry.before, entry.before_sigma), _weight(entry.share, entry.sigma), package_kg,
             )  # fmt: skip
 
 

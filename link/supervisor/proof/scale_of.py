@@ -1,4 +1,4 @@
-"""The scale of one drone, from its figures."""
+"""The in-flight scale of one drone, from its data."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ if TYPE_CHECKING:
     from skyway.models.drones.drone import Drone
 
 USUAL_DRAG = DragModel(linear_per_s=0.03, quadratic_per_m=0.006)
-"""Of a multirotor of 2 to 10 kg, where nobody has measured it; within 12 m/s the power hardly depends on it."""
+"""Drag of a multirotor of 2 to 10 kg that nobody has measured; within 12 m/s the power hardly depends on it."""
 
 
 def scale_of(drone: Drone, package_kg: float, drag: DragModel | None) -> Scale:
-    """Make the scale of a drone under a package."""
+    """Build the scale of a drone with a package."""
     model = drone.energy_model
     held_back = drag or USUAL_DRAG
     kappa = model.kappa if isinstance(model, EnduranceEnergy) else USUAL_KAPPA

@@ -9,34 +9,34 @@ from statistics import fmean, median, pstdev
 from typing import NamedTuple
 
 MOST_SINK_MPS = 1.3
-"""Nothing is weighed where it sinks faster: what that gives back is known to nobody."""
+"""Greatest descent rate at which the drone is weighed: the power recovered beyond it is unknown."""
 SLOW_MPS, SLOW_CLIMB_MPS = 2.0, 1.2
-"""It hovers, or descends slowly, below that ground speed and that climb."""
+"""Greatest ground speed and vertical speed of hover or slow descent."""
 _MOST_ACCELERATION_MPS2 = 1.0
 _LONGEST_S, _LONGEST_SLOW_S, _PAUSE_S = 20.0, 7.0, 5.0
 _LIKE_CLIMB_MPS, _LIKE_AIRSPEED_MPS = 0.7, 4.0
 _LEAST_S, _KEPT_SHARE = 3, 0.75
 _STEP = 0.05
-"""Power that changes by more than this share, and stays so, begins another stretch."""
+"""Relative change of power that, if it persists, begins another stretch."""
 
 
 class Aboard(IntEnum):
-    """Knowledge of the package in a stretch."""
+    """Knowledge about the package in a stretch."""
 
     PACKAGE = 0
-    """It is under the drone, unless it was lost."""
+    """It is on board, unless it was lost."""
     UNKNOWN = 1
     """It is being released."""
     RELEASED = 2
-    """It was released, as is said."""
+    """It was released, as reported."""
 
 
 class Second(NamedTuple):
-    """A second of flight: means."""
+    """Means over a second of flight."""
 
     time_s: float
     log_ratio: float
-    """Logarithm of power over the model's."""
+    """Logarithm of the ratio of power to the model."""
     airspeed: float
     climb: float
     sink: float
@@ -49,7 +49,7 @@ class Second(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Stretch:
-    """Seconds flown alike, one after the other."""
+    """Consecutive seconds of similar flight."""
 
     flight: int
     aboard: Aboard
@@ -57,26 +57,27 @@ class Stretch:
     end_s: float
     seconds: int
     mean: Second
-    """Of the three quarters of the seconds that are nearest to the median: in the others it meets a gust, or changes its climb."""
+    """Mean over the three quarters of the seconds that are nearest to the median: the others contain gusts, or
+    changes of climb."""
     spread: float = 0.0
     """Standard deviation of the logarithm of the ratio over all of the seconds."""
 
     @property
     def slow(self) -> bool:
-        """Whether it hovered or descended slowly."""
+        """Whether the drone hovered or descended slowly."""
         return self.mean.ground_mps < SLOW_MPS and abs(self.mean.climb_mps) < SLOW_CLIMB_MPS
 
 
 @dataclass(slots=True)
 class Stretches:
-    """All that one drone has flown in a delivery."""
+    """All stretches of one drone in a delivery."""
 
     closed: list[Stretch] = field(default_factory=list)
     flight: int = -1
     aboard: Aboard = Aboard.PACKAGE
     _open: list[Second] = field(default_factory=list)
     _was: tuple[float, float, float] | None = None
-    """Time and ground velocity a second before."""
+    """Time and ground velocity one second before."""
     _newest_s: float = -math.inf
 
     def begin(self, aboard: Aboard, *, taken_off: bool) -> None:
@@ -86,7 +87,7 @@ class Stretches:
         self.flight += taken_off
 
     def hear(self, second: Second, velocity: tuple[float, float]) -> None:
-        """Take a second, and the velocity over the ground at its end, (north, east)."""
+        """Take a second, and the ground velocity at its end, (north, east)."""
         was, self._was = self._was, (second.time_s, *velocity)
         self._newest_s = second.time_s
         if was is not None and second.time_s - was[0] < _PAUSE_S:
@@ -100,7 +101,7 @@ class Stretches:
         self._open.append(second)
 
     def close(self) -> None:
-        """End the stretch under way."""
+        """End the present stretch."""
         found, self._open = self._open, []
         for part in _steady(found):
             middle = median(one.log_ratio for one in part)
@@ -111,12 +112,12 @@ class Stretches:
             self.closed.append(Stretch(self.flight, self.aboard, begin_s, end_s, len(part), mean, spread))
 
     def borrow(self, mean: Second, seconds: int) -> None:
-        """Add a flight under the package that another observer recorded, as one stretch."""
+        """Add a flight with the package that another observer recorded, as one stretch."""
         self.flight += 1
         self.closed.append(Stretch(self.flight, Aboard.PACKAGE, mean.time_s, mean.time_s, seconds, mean))
 
     def recent(self, seconds: float) -> list[int]:
-        """Which were slow in the last seconds of its slow flight; none where it flew on otherwise for so long."""
+        """Return the slow stretches of the last seconds of slow flight; none if it flew on otherwise for that long."""
         self.close()
         last = next((one for one in reversed(self.closed) if one.slow), None)
         if last is None or last.flight != self.flight or last.end_s < self._newest_s - seconds:
@@ -128,13 +129,13 @@ class Stretches:
         ]
 
     def mark(self, which: list[int], aboard: Aboard) -> None:
-        """Label some stretches after the fact with what is now known of the package."""
+        """Label some stretches afterwards with the present knowledge of the package."""
         for k in which:
             self.closed[k] = replace(self.closed[k], aboard=aboard)
 
 
 def _steady(found: list[Second]) -> list[list[Second]]:
-    """Seconds as they are, or in two where power stepped between them; none where they are too few."""
+    """Return the seconds as one stretch, or two if power stepped between them; none if they are too few."""
     ratios = [one.log_ratio for one in found]
     places = range(_LEAST_S, len(found) - _LEAST_S + 1)
     step, place = max(((abs(fmean(ratios[:k]) - fmean(ratios[k:])), k) for k in places), default=(0.0, 0))

@@ -22,19 +22,19 @@ _TOLD = attrgetter(*QUANTITIES)
 
 @dataclass(slots=True)
 class TiltAirspeed:
-    """How fast one multirotor moves through the air, from its lean, its acceleration and its drag."""
+    """Airspeed of one multirotor, from its lean, its acceleration and its drag."""
 
     drag: DragModel
     _maker: BlockMaker = field(default_factory=BlockMaker)
     _waiting: list[tuple[float, ...]] = field(default_factory=list)
-    _heard_s: float = 0.0
+    _received_s: float = 0.0
 
     def hear(self, s: TelemetrySample) -> float | None:
-        """Take a sample; returns the airspeed of a second that it ends, m/s, NaN where it is unknown, and None within a second."""
-        if not s.time_s > self._heard_s:
+        """Take a sample; return the airspeed of a second that it ends, m/s, NaN if unknown, and None within a second."""
+        if not s.time_s > self._received_s:
             return None
-        over = math.floor(s.time_s / self._maker.period_s) != math.floor(self._heard_s / self._maker.period_s)
-        self._heard_s = s.time_s
+        over = math.floor(s.time_s / self._maker.period_s) != math.floor(self._received_s / self._maker.period_s)
+        self._received_s = s.time_s
         self._waiting.append((s.time_s, *_TOLD(s)))
         if not over:
             return None

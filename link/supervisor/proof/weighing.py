@@ -1,8 +1,8 @@
-"""Weighing in flight: how much of a package is on board, from the power of the drone.
+"""Weighing in flight: the share of a package on board, from the power of the drone.
 
-Power is compared with that of the same drone under its package, so that its own efficiency cancels: all of the flights so far, in stretches of like airspeed and
-climb (`stretches`), each over what the model of `power_units` says; `balance` tells what the model leaves open. Airspeed is that of the drone's own lean: the wind that
-is believed is that of the cruise height, and near the ground there is less of it.
+Power is compared with that of the same drone with its package, so that its own efficiency cancels: all flights so far, in stretches of similar airspeed and
+climb (`stretches`), each relative to the model of `power_units`; `balance` estimates what the model leaves open. Airspeed is that of the drone's own lean: the estimated
+wind is that of the cruise height, and is weaker near the ground.
 """
 
 from __future__ import annotations
@@ -28,16 +28,18 @@ if TYPE_CHECKING:
     from skyway.models.drones.telemetry import TelemetrySample
 
 BEGIN_S, END_S = 3.0, 18.0
-"""Seconds after a take-off that are weighed: power is uneven before, and within 20 s there is to be an answer."""
+"""Begin and end of the weighing, seconds after a take-off: power is uneven before, and a result is required within
+20 s."""
 _LEAST_S, _STEADY_MPS2, _SLOW_S, _IDLE_SHARE = 5, 0.7, 14.0, 0.4
-"""Fewer seconds weigh nothing; it rises steadily below the second, is weighed before the release by the last seconds of slow descent, or hover; and is idle below the last share
-of the power so far."""
+"""Least number of seconds; greatest acceleration of a steady climb; time of slow descent or hover that is weighed before the release; and share
+of the power so far below which motors idle."""
 _KAPPA_SIGMA = 0.05
 """Standard deviation of the exponent of mass, relative."""
 _BORROWED_S, _BORROWED_CLIMB_MPS = 1, 2.5
-"""A take-off of which only the gain over the model is known counts as a second of such a climb."""
+"""A take-off of which only the ratio to the model is known counts as this many seconds of such a climb."""
 _CHANGE_SIGMAS, _CHANGE = 3.5, 0.5
-"""A fall of more than this share of what the package takes, by so many standard deviations, at any moment of the flights so far, is its loss."""
+"""A fall of more than the second share of the package's power, by the first number of standard deviations, at any
+moment of the flights so far, is its loss."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,11 +48,11 @@ class Weight:
 
     share: float
     sigma: float
-    """`share`, `sigma`: 1 is all of it; and its standard deviation."""
+    """`share`, `sigma`: 1 is the whole package; and its standard deviation."""
     seconds: int
-    """So many seconds were weighed."""
+    """Number of seconds weighed."""
     since_s: float | None = None
-    """It was lost about then, POSIX seconds; None where it is not known to be lost, or when."""
+    """Approximate time of a loss, POSIX seconds; None if there was none, or its time is unknown."""
 
 
 @dataclass(slots=True)
@@ -62,9 +64,9 @@ class Scale:
     kappa: float = USUAL_KAPPA
     """Exponent of mass in the power of hover."""
     load: AirspeedLoad | None = None
-    """Power over airspeed; None takes the power of hover."""
+    """Power over airspeed; None uses the power of hover."""
     tilt: TiltAirspeed | None = None
-    """Airspeed by the lean; None takes that of the wind that is believed."""
+    """Airspeed from the lean; None uses that of the estimated wind."""
     took_off_s: float = math.nan
     _flown: Stretches = field(default_factory=Stretches)
     _may_be_empty: bool = False
@@ -72,7 +74,8 @@ class Scale:
     _newest_s: float = -math.inf
     _last_power: float = math.nan
     _second: list[tuple[float, ...]] = field(default_factory=list)
-    """Of the second under way: time, power, lift, airspeed by the wind, climb, lean, and velocity north and east."""
+    """Samples of the present second: time, power, lift, airspeed by the wind, climb, lean, and velocity north and
+    east."""
     _fall: PowerFall = field(default_factory=PowerFall)
     _model: PowerUnits = field(init=False)
 
@@ -80,11 +83,11 @@ class Scale:
         self._model = PowerUnits(self.drone_kg, self.package_kg, self.kappa, self.load)
 
     def take_off(self, time_s: float) -> None:
-        """Begin to weigh: it has left the ground."""
+        """Begin to weigh: the drone has taken off."""
         self._begin(time_s, Aboard.RELEASED if self._may_be_empty else Aboard.PACKAGE, taken_off=True)
 
     def leave(self, time_s: float, *, hovered: bool) -> None:
-        """Begin to weigh: it leaves the place over which it released the package; the end of its hover there weighs it, too, where it only hovered."""
+        """Begin to weigh: the drone leaves the place of the release; the end of its hover there is weighed, too, if it only hovered."""
         if hovered:
             self._flown.mark(self._flown.recent(_SLOW_S), Aboard.RELEASED)
         self._begin(time_s, Aboard.RELEASED, taken_off=False)
@@ -96,11 +99,11 @@ class Scale:
         self._second.clear()
 
     def hear(self, s: TelemetrySample, wind: tuple[float, float]) -> None:
-        """Take a sample in flight, and the wind that is believed there, (north, east), m/s."""
+        """Take a sample in flight, and the estimated wind there, (north, east), m/s."""
         self._end_second(s)
         was, self._was = self._was, s
         if s.fixed_wing > 0.0 or s.fixed_wing < 0.0:
-            return  # on wings, or in transition, the model holds for nothing
+            return  # the model does not apply to wings and transition
         if was is None or not 0.0 < s.power_w < math.inf or not s.time_s > was.time_s:
             return
         rise = -(s.vel_down_mps - was.vel_down_mps) / (s.time_s - was.time_s)
@@ -116,7 +119,7 @@ class Scale:
         self._second.append((s.time_s, s.power_w, lift, airspeed, -s.vel_down_mps, math.acos(lean), *velocity))
 
     def _end_second(self, s: TelemetrySample) -> None:
-        """Take the mean of a second that is over."""
+        """End a second: take its means."""
         by_tilt = None if self.tilt is None else self.tilt.hear(s)
         if by_tilt is None and (self.tilt is not None or s.time_s < self._newest_s + 1.0):
             return
@@ -137,23 +140,23 @@ class Scale:
         self._second.clear()
 
     def _idle(self, ratio: float) -> bool:
-        """Whether it stands with its motors on: nothing like it was drawn in flight."""
+        """Whether the drone stands with idling motors: power far below that in flight."""
         closed = self._flown.closed
         return bool(closed) and ratio < _IDLE_SHARE * math.exp(fmean(one.mean.log_ratio for one in closed))
 
     def may_be_empty(self) -> None:
-        """From now on the package may be off."""
+        """Record that the package may be off from now on."""
         self._may_be_empty = True
         self._flown.begin(Aboard.UNKNOWN, taken_off=False)
 
     def may_hang(self) -> None:
-        """Stop weighing: nobody knows whether the package still hangs on the drone, until it departs."""
+        """Stop weighing: until the drone departs it is unknown whether the package still hangs on it."""
         self._flown.begin(Aboard.UNKNOWN, taken_off=False)
 
     def before_release(self, lost_s: float | None = None) -> Weight | None:
-        """Weigh the package on board by the last seconds of slow descent or hover; None after too few, or too little flight under the package.
+        """Weigh the package on board by the last seconds of slow descent or hover; None after too few, or too little flight with the package.
 
-        Where power fell as if it were lost, at `lost_s` or at any moment that shows clearly now, all of the flight since then is weighed against what was before.
+        If power fell as if it were lost, at `lost_s` or at any moment that is now clear, the whole flight since then is weighed against that before.
         """
         last = self._flown.recent(_SLOW_S)
         place = [self._flown.closed[k] for k in last]
@@ -166,7 +169,7 @@ class Scale:
         return since or (found and self._changed(known)) or found
 
     def _changed(self, known: list[Stretch]) -> Weight | None:
-        """Weigh what is aboard since the package was lost on the way; None where it was not."""
+        """Weigh the package since its loss on the way; None if there was none."""
         drops, sigmas = Balance(known).drops(np.tri(len(known), dtype=bool)[:, 1:])
         first = int(np.argmax(drops / sigmas))
         if not (drops[first] > _CHANGE_SIGMAS * sigmas[first] and drops[first] > _CHANGE):
@@ -175,7 +178,7 @@ class Scale:
         return replace(found, since_s=known[first + 1].begin_s)
 
     def gain(self) -> float | None:
-        """Mean of power over the model since the take-off, W; None for too few seconds."""
+        """Return the mean of power over the model since the take-off, W; None for too few seconds."""
         self._flown.close()
         found = [one for one in self._flown.closed if one.begin_s > self.took_off_s]
         seconds = sum(one.seconds for one in found)
@@ -184,14 +187,14 @@ class Scale:
         return math.exp(sum(one.seconds * one.mean.log_ratio for one in found) / seconds)
 
     def remember(self, gains: Iterable[float]) -> None:
-        """Take what earlier take-offs under the package have shown."""
+        """Take the results of earlier take-offs with the package."""
         model = self._model.of(1.0, 0.0, _BORROWED_CLIMB_MPS)
         for gain in gains:
             mean = Second(-math.inf, math.log(gain), *model[1:], 0.0, _BORROWED_CLIMB_MPS, 0.0)
             self._flown.borrow(mean, _BORROWED_S)
 
     def weigh(self) -> Weight | None:
-        """Weigh the package on board since the release; None where nothing was flown under the package, or too little now."""
+        """Weigh the package on board since the release; None without flight with the package, or too little since."""
         self._flown.close()
         known = self._of(Aboard.PACKAGE, Aboard.RELEASED)
         return self._compare(known, [one.aboard is Aboard.RELEASED for one in known])
@@ -200,7 +203,7 @@ class Scale:
         return [one for one in self._flown.closed if one.aboard in aboard]
 
     def _compare(self, known: list[Stretch], where: list[bool]) -> Weight | None:
-        """Weigh what is aboard where it says so, against all else."""
+        """Weigh the package in some stretches against all others."""
         seconds = sum(one.seconds for one, there in zip(known, where, strict=True) if there)
         if seconds < _LEAST_S or all(where) or not self.package_kg > 0.0:
             return None
@@ -212,5 +215,5 @@ class Scale:
         return Weight(self._model.share(float(drop)), float(sigma), seconds)
 
     def lost(self) -> float | None:
-        """Return when the package left on the way, POSIX seconds: power fell at once, and stayed so; None where not."""
+        """Return the time of a loss on the way, POSIX seconds: a sudden and lasting fall of the power; None if there was none."""
         return self._fall.at_s

@@ -14,49 +14,49 @@ if TYPE_CHECKING:
 
 @dataclass(slots=True)
 class ModelledUse:
-    """Charge by the model."""
+    """Modelled charge of a flight."""
 
     per_s: float
     fixed: float
-    """`per_s`, `fixed`: charge a second of cruise in the model, and what climb and descent take beyond that."""
+    """`per_s`, `fixed`: charge per second of cruise, and charge of climb and descent beyond that."""
     load: AirspeedLoad | None = None
-    """How it changes with airspeed."""
+    """Its dependence on airspeed."""
     soc: float = 0.0
-    """So far, `fixed` not counted; at first nothing."""
-    heard_s: float = math.nan
-    """Until when it is counted, POSIX seconds."""
+    """Charge so far, without `fixed`."""
+    counted_s: float = math.nan
+    """Time up to which it is counted, POSIX seconds."""
 
     @classmethod
     def by(cls, reach: Reach) -> ModelledUse:
-        """Return that of a flight which what can be reached is computed by."""
+        """Return the model of a flight, from the computation of reachable stations."""
         return cls(reach.soc_per_s, reach.power.soc_fixed(reach.rules.climb_s, reach.rules.descent_s), reach.load)
 
     @property
     def total(self) -> float:
-        """Charge of the flight so far."""
+        """Return the charge of the flight so far."""
         return self.fixed + self.soc
 
     def begin(self, time_s: float) -> None:
         """Begin with the take-off."""
-        self.soc, self.heard_s = 0.0, time_s
+        self.soc, self.counted_s = 0.0, time_s
 
     def restore(self, soc: float, time_s: float) -> None:
         """Restore the modelled use until an instant from a journal."""
-        self.soc, self.heard_s = soc, time_s
+        self.soc, self.counted_s = soc, time_s
 
     def hear(self, time_s: float, velocity: tuple[float, float], wind: tuple[float, float]) -> None:
-        """Count the time since the last call; velocity over the ground and of the air are (north, east), m/s."""
-        duration_s = time_s - self.heard_s
+        """Count the time since the last call; ground velocity and wind are (north, east), m/s."""
+        duration_s = time_s - self.counted_s
         if not duration_s > 0.0:
             return
         airspeed = math.hypot(velocity[0] - wind[0], velocity[1] - wind[1])
         factor = 1.0 if self.load is None or not math.isfinite(airspeed) else float(self.load.factor(airspeed))
         self.soc += self.per_s * factor * duration_s
-        self.heard_s = time_s
+        self.counted_s = time_s
 
 
 def count_use(ctx: Context) -> None:
-    """Count what the flight should have taken by the model, at the airspeed that wind and ground speed give."""
+    """Count the modelled charge of the flight, at the airspeed from wind and ground speed."""
     s, use = ctx.observed.sample, None if ctx.delivery.leg is None else ctx.delivery.leg.modelled
     if use is None or s is None or not ctx.in_air:
         return

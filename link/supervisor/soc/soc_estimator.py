@@ -18,11 +18,11 @@ if TYPE_CHECKING:
     from skyway.models.drones.telemetry import TelemetrySample
 
 MIN_GAUGE_SOC = 0.08
-"""A flight that used less tells nothing of the gauge."""
+"""A flight that used less charge is not compared."""
 EVERY_S = 0.5
-"""Batteries are told of once a second; samples repeat it."""
+"""Battery messages come once a second; samples repeat them."""
 CONFIRMING_S = 6.0
-"""So long a report that is being confirmed by the voltage is not also taken for what the voltage lost."""
+"""Time in which a report that the voltage is confirming is not also counted as a loss by the voltage, s."""
 
 
 @dataclass(slots=True)
@@ -30,22 +30,22 @@ class SocEstimator:
     """The state of charge of one vehicle."""
 
     soc: float = math.nan
-    """Believed."""
-    told_soc: float = math.nan
-    """As the vehicle says, as far as that can be."""
+    """Estimate."""
+    reported_soc: float = math.nan
+    """Accepted report of the vehicle."""
     source: str = "unknown"
-    """Where `soc` comes from, for a person."""
+    """Source of `soc`, for a person."""
     lost_s: float = -math.inf
-    """When charge was last lost at once, POSIX seconds."""
+    """Time of the last sudden loss of charge, POSIX seconds."""
     _reported: ReportedSoc = field(default_factory=ReportedSoc)
     _voltage: VoltageWatch = field(default_factory=VoltageWatch)
     _flown_from: tuple[float, float] = (math.nan, math.nan)
-    """Charge at the first take-off after charging: as the vehicle said, and believed."""
-    _heard_s: float = -math.inf
+    """Charge at the first take-off after charging: as reported by the vehicle, and as estimated."""
+    _received_s: float = -math.inf
 
     @property
     def lost_soc(self) -> float:
-        """Charge that was lost and that the vehicle does not count."""
+        """Return charge that was lost and that the vehicle does not count."""
         return self._voltage.lost
 
     def doubtful(self, *, affordable: bool = True) -> bool:
@@ -54,37 +54,37 @@ class SocEstimator:
 
     def hear(self, ctx: Context, sample: TelemetrySample) -> None:
         """Take a state of charge reported by the vehicle."""
-        if sample.time_s < self._heard_s + EVERY_S and sample.time_s >= self._heard_s:
+        if sample.time_s < self._received_s + EVERY_S and sample.time_s >= self._received_s:
             return
-        self._heard_s = sample.time_s
-        leg, told = ctx.delivery.leg, self._reported
+        self._received_s = sample.time_s
+        leg, report = ctx.delivery.leg, self._reported
         flies = leg is not None and ctx.state in IN_AIR
         modelled = None if leg is None or not ctx.in_air else leg.modelled
         rate = 0.0 if modelled is None else modelled.per_s * ctx.energy.belief.mean_ratio
         open_v = sample.voltage_v + sample.current_a * self._voltage.ohm
-        was_contradicted = told.contradicted
-        fell = told.hear(sample.time_s, sample.soc, open_v, rate, flies=ctx.in_air)
-        if not math.isfinite(told.soc):
+        was_contradicted = report.contradicted
+        fell = report.hear(sample.time_s, sample.soc, open_v, rate, flies=ctx.in_air)
+        if not math.isfinite(report.soc):
             return
-        if told.contradicted and not was_contradicted:
+        if report.contradicted and not was_contradicted:
             ctx.say(
                 GaugeNote(),
                 f"the drone reports {percent(sample.soc)}, but its voltage contradicts that: ignored",
             )
-        self.told_soc = told.line(sample.time_s, rate)
+        self.reported_soc = report.line(sample.time_s, rate)
         if leg is not None and flies and fell != 0.0:
-            leg.lose_told(fell)
+            leg.lose_reported(fell)
             self._lose(ctx, fell, f"{percent(fell)} of charge lost at once: report and voltage fell together")
-        if told.contradicted or not sample.time_s < told.held_s + CONFIRMING_S:
+        if report.contradicted or not sample.time_s < report.held_s + CONFIRMING_S:
             self._hear_voltage(ctx, sample, flies=flies)
-        self.soc, self.source = max(self.told_soc - self._voltage.lost, 0.0), "the vehicle"
+        self.soc, self.source = max(self.reported_soc - self._voltage.lost, 0.0), "the vehicle"
         if leg is not None and math.isfinite(leg.soc_start) and (ctx.energy.gauge != 1.0 or self._voltage.lost > 0.0):
-            self.soc = max(leg.soc_start - ctx.energy.gauge * (leg.told_start - self.told_soc), 0.0)
+            self.soc = max(leg.soc_start - ctx.energy.gauge * (leg.reported_start - self.reported_soc), 0.0)
             self.source = "the vehicle, corrected"
 
     def _hear_voltage(self, ctx: Context, sample: TelemetrySample, *, flies: bool) -> None:
         doubted = self._voltage.doubtful()
-        given = (sample.time_s, sample.voltage_v, sample.current_a, self.told_soc)
+        given = (sample.time_s, sample.voltage_v, sample.current_a, self.reported_soc)
         fell = self._voltage.hear(*given, load=_load(ctx, sample), flies=flies and ctx.in_air)
         if doubted and self._voltage.lost > 0.0 and not self._voltage.doubtful():
             self.lost_s = ctx.now_s
@@ -93,7 +93,7 @@ class SocEstimator:
             self._lose(ctx, fell, f"the voltage fell as if {percent(fell)} of charge had been lost at once; {said}")
 
     def _lose(self, ctx: Context, fell: float, reason: str) -> None:
-        """Take charge that is gone from what the flight began with: it was not used. What was never gone is given back."""
+        """Subtract lost charge, which was not used, from the charge at the start of the flight. A loss that did not happen is added again."""
         if ctx.delivery.leg is not None:
             ctx.delivery.leg.lose(fell)
         self._flown_from = (math.nan, math.nan)
@@ -106,30 +106,30 @@ class SocEstimator:
     # Flights and pads
 
     def begin_flight(self, *, charged: bool) -> None:
-        """Note what a flight begins with; after charging, that is what the next pad is compared with."""
+        """Store the charge at the start of a flight; after charging, the next pad is compared with it."""
         if charged or not math.isfinite(self._flown_from[0]):
-            self._flown_from = (self.told_soc, self.soc)
+            self._flown_from = (self.reported_soc, self.soc)
 
     def compare(self, ctx: Context, pad_soc: float) -> None:
-        """Compare what the vehicle said it used since it was charged with what the pad finds missing."""
-        said, used = self._flown_from[0] - self.told_soc, self._flown_from[1] - pad_soc
+        """Compare the use reported since charging with the charge that the pad finds missing."""
+        said, used = self._flown_from[0] - self.reported_soc, self._flown_from[1] - pad_soc
         if not (said > MIN_GAUGE_SOC and math.isfinite(used)):
             return
         ctx.energy.measured(used, said)
-        reason = f"the pad measures {percent(pad_soc)}, the drone reports {percent(self.told_soc)}"
+        reason = f"the pad measures {percent(pad_soc)}, the drone reports {percent(self.reported_soc)}"
         ctx.note(GaugeNote(used_soc=used, said_soc=said, factor=ctx.energy.gauge), reason)
 
     def measured(self, pad_soc: float) -> None:
-        """Take what a pad measures."""
+        """Take the measurement of a pad."""
         self.soc, self.source = pad_soc, "the pad"
 
     def counter_set(self, time_s: float, reported: float) -> None:
-        """Take what the vehicle reports after its counter was set."""
+        """Take the vehicle's report after its counter was set."""
         self._reported.measured(time_s, reported)
-        self.soc, self.told_soc, self.source = reported, reported, "the vehicle"
+        self.soc, self.reported_soc, self.source = reported, reported, "the vehicle"
 
     def forget(self) -> None:
-        """Begin again: the battery was measured, another one put in, or the vehicle has restarted."""
+        """Reset: the battery was measured or replaced, or the vehicle has restarted."""
         self._voltage.forget()
         self._reported.forget()
 
@@ -139,7 +139,7 @@ class SocEstimator:
 
 
 def _load(ctx: Context, sample: TelemetrySample) -> float:
-    """Power at the present airspeed and climb, over that of hover: momentum theory, blades as they are."""
+    """Power at the present airspeed and climb, relative to hover: momentum theory, constant blade power."""
     use = None if ctx.delivery.leg is None else ctx.delivery.leg.modelled
     wind = ctx.wind.here(sample)
     airspeed = math.hypot(sample.vel_north_mps - wind[0], sample.vel_east_mps - wind[1])

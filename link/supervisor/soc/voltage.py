@@ -1,9 +1,9 @@
 """Uncounted losses of charge: an autopilot that counts the current does not see a failing pack.
 
-The voltage does. What the current lets it sag is taken off, the step at the take-off tells how much that is; when the rest falls by
-more in half a minute than any flight takes out of a battery, the charge is read from a discharge curve of lithium-polymer cells that
-is laid through what was known before the fall. Such a curve is flat in its middle: what it says is good to a tenth or two, and
-is meant to be used for one thing, to land while there is charge.
+The voltage shows it. Its sag under current is subtracted, with the resistance from the step at the take-off; if the rest falls by
+more in half a minute than in any flight, the charge is read from a discharge curve of lithium-polymer cells that
+is fitted to the state before the fall. Such a curve is flat in its middle: its result is accurate to a tenth or two, and
+serves one purpose, to land while there is charge.
 """
 
 from __future__ import annotations
@@ -22,76 +22,79 @@ if TYPE_CHECKING:
 
 _SOC = (0.0, 0.05, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0)
 _CELL_V = (3.20, 3.56, 3.655, 3.71, 3.75, 3.785, 3.83, 3.87, 3.94, 4.02, 4.12, 4.25)
-"""Open voltage of a cell: midway between charts of common (4.20 V) and high-voltage (4.35 V) lithium-polymer cells."""
+"""Open-circuit voltage of a cell: midway between charts of common (4.20 V) and high-voltage (4.35 V)
+lithium-polymer cells."""
 FALL = 0.025
-"""A voltage that falls by this share within `BACK_S`, and stays there for `NOW_S`, has lost charge."""
+"""A voltage that falls by this share within `BACK_S`, and stays there for `NOW_S`, indicates lost charge."""
 NOW_S, BACK_S = 4.0, 90.0
-"""What is compared: medians of the last seconds, and of as many from so long ago at most."""
+"""Compared are medians of the last seconds, and of as many from at most this time before, s."""
 MIN_LOST_SOC = 0.1
-"""Less is not told apart from a gust, or from a cold battery."""
+"""A smaller loss is not distinguished from a gust, or from a cold battery."""
 NOTICED_SOC = 0.05
 REST_A, FLIGHT_A = 5.0, 10.0
 SURE = 16
-"""So many measurements, two a second, tell whether the power fell with the voltage."""
+"""Number of measurements, at two per second, that decide whether the power fell with the voltage."""
 DOUBTED_S = 130.0
-"""A voltage that stays low for longer is no burst of wrong values."""
+"""A voltage that stays low for longer is no burst of wrong values, s."""
 WITNESS_S, AFTER_S = 30.0, 60.0
-"""The power is requested so long after a fall; later it differs for other reasons."""
+"""Time after a fall within which the power is compared, s, since later it differs for other reasons; and duration
+of the measurements that are kept, s."""
 HALF, TOO_MUCH = 0.5, 1.5
-"""Shares of the voltage's fall: a power that fell by less was not measured with it, one that fell by more changed for another reason."""
+"""Ratios of the fall of power to that of the voltage: below the first, power was not measured with it; above the
+second, it changed for another reason."""
 SIGMAS = 1.5
-"""So many standard deviations a share must lie on one side of `HALF` to say anything."""
+"""Number of standard deviations by which a ratio must differ from `HALF` to be significant."""
 POWER_ERROR, LOAD_ERROR, YOUNG_ERROR = 0.03, 0.4, 0.05
-"""Error of a power compared with one before: always; by how much the load changed between; where little is known of before."""
+"""Relative error of a power compared with an earlier one: always; per change of the load; with few earlier values."""
 SAME_GUST = 0.5
-"""What half a minute of gusts leaves of their spread in a median."""
+"""Share of the spread by gusts that remains in a median over half a minute."""
 AGAIN, AGAIN_S = 6, 300.0
-"""A loss is taken back where so many voltages in a row, so long after it at most, are as before. A fall so long after a rise in flight,
+"""A loss is undone if this number of successive voltages, within this time after it, s, are as before. A fall within this time after a rise in flight,
 to no less than before that rise, is none."""
 FALLS_ON, FALLS_ON_BLIND, CURVE_ERROR = 0.006, 0.018, 0.35
-"""A voltage that falls by so much more than a sound battery's is that of one nearly empty; where the resistance is unknown; and by which share
-of what charge used and a change of the sag explain these may be wrong."""
+"""Excess fall of the voltage against a sound battery that indicates a nearly empty one; the same with unknown resistance; and relative error of
+the explanation by charge used and change of the sag."""
 FALLS_ON_S, SURE_NOW, STEADY = 8.0, 8, 0.015
-"""Not told earlier after a loss, nor by voltages that differ by more among themselves."""
+"""Earliest decision after a loss, s; number of voltages; and their greatest spread."""
 REST_S = 180.0
-"""A voltage at rest so long ago still tells what the current lets it sag."""
+"""Greatest age of a voltage at rest that still gives the resistance, s."""
 MAX_SAG = 0.15
-"""Share of the voltage: whatever sags by more was measured wrongly at rest or after."""
+"""Share of the voltage: a greater sag is a measurement error at rest or after."""
 RAW_SHARE = 0.4
-"""So much of a fall must be seen before what the current lets it sag is taken off: else the current was told wrongly."""
+"""Share of a fall that must be seen before the sag is subtracted: otherwise the current was wrong."""
 
 
 def open_voltage(soc: float) -> float:
-    """Voltage of a cell without load at a state of charge."""
+    """Return the voltage of a cell without load at a state of charge."""
     return float(np.interp(soc, _SOC, _CELL_V))
 
 
 def soc_of(cell_v: float) -> float:
-    """State of charge of a cell with some voltage without load."""
+    """Return the state of charge of a cell with an open-circuit voltage."""
     return float(np.interp(cell_v, _CELL_V, _SOC))
 
 
-class _Heard(NamedTuple):
+class _Measurement(NamedTuple):
     """One measurement in flight."""
 
     time_s: float
     volts: float
-    """Without what the current lets it sag."""
+    """Without the sag."""
     raw_v: float
     """As measured."""
-    told: float
-    """State of charge that the vehicle told."""
+    reported: float
+    """State of charge reported by the vehicle."""
     watts: float
     """Power."""
     load: float
-    """That of this airspeed and climb over hover, NaN where it is unknown."""
+    """Power of this airspeed and climb relative to hover, NaN if unknown."""
     sag_v: float
-    """What was taken off."""
+    """Subtracted sag."""
 
 
-def _power(heard: Iterable[_Heard]) -> tuple[float, float, float] | None:
-    """Median of power for its load, its spread as a share (between quartiles), and the median load; None for too few."""
-    known = [one for one in heard if math.isfinite(one.watts) and one.load > 0.0]
+def _power(measurements: Iterable[_Measurement]) -> tuple[float, float, float] | None:
+    """Median of power over its load, its spread as a share (between quartiles), and the median load; None for too few."""
+    known = [one for one in measurements if math.isfinite(one.watts) and one.load > 0.0]
     if len(known) < AGAIN:
         return None
     low, middle, high = quantiles([one.watts / one.load for one in known], n=4)
@@ -101,31 +104,31 @@ def _power(heard: Iterable[_Heard]) -> tuple[float, float, float] | None:
 
 @dataclass(slots=True)
 class _Fall:
-    """A loss found, and what became of voltage and power since."""
+    """A loss found, and voltage and power since."""
 
     lost: float
-    told: float
-    """`lost`, `told`: charge, and what the vehicle said of it before."""
+    reported: float
+    """`lost`, `reported`: charge lost, and the vehicle's report before."""
     found_s: float
-    """When."""
+    """Time of detection."""
     volts: float
     """The voltage before."""
     before: tuple[float, float, float] | None
-    """Power before, as `_power` tells it."""
-    after: deque[_Heard]
-    """Since then."""
+    """Power before, as returned by `_power`."""
+    after: deque[_Measurement]
+    """Measurements since."""
     mismeasured: bool = False
     """In the first half minute the power fell with the voltage: motors that carry a vehicle draw more current from a
     weaker battery."""
 
-    def hear(self, one: _Heard) -> None:
-        """Take a measurement, and ask the power once there are enough."""
+    def hear(self, one: _Measurement) -> None:
+        """Take a measurement, and compare the power once there are enough."""
         self.after.append(one)
         if not self.mismeasured and len(self.after) >= SURE and one.time_s < self.found_s + WITNESS_S:
             self.mismeasured = self.power_fell(list(self.after))
 
-    def power_fell(self, after: list[_Heard]) -> bool:
-        """Whether the power, for its load, clearly fell with the voltage; False where it cannot be compared."""
+    def power_fell(self, after: list[_Measurement]) -> bool:
+        """Whether the power, relative to its load, clearly fell with the voltage; False if it cannot be compared."""
         now = _power(after)
         fell = 1.0 - median(one.volts for one in after) / self.volts
         if now is None or self.before is None or not fell > 0.0:
@@ -137,36 +140,36 @@ class _Fall:
         share = (1.0 - watts / watts_before) / fell
         return share - error > HALF and share < TOO_MUCH
 
-    def sound(self, volts: float, told: float) -> float:
-        """Present voltage of a sound battery that had `volts` when this loss was found."""
-        return volts * open_voltage(told) / open_voltage(self.told)
+    def sound(self, volts: float, reported: float) -> float:
+        """Return the present voltage of a sound battery that had `volts` when this loss was found."""
+        return volts * open_voltage(reported) / open_voltage(self.reported)
 
     def falls_on(self, *, blind: bool) -> bool:
         """Whether the voltage keeps falling like that of a nearly empty battery, unlike under a measurement error.
 
-        A voltage that falls on and takes the measured power with it is an error that grows.
+        A voltage that continues to fall together with the measured power is a growing measurement error.
         """
-        heard = list(self.after)
-        then, now = heard[:SURE_NOW], heard[-SURE_NOW:]
+        measurements = list(self.after)
+        then, now = measurements[:SURE_NOW], measurements[-SURE_NOW:]
         volts, before = median(one.volts for one in now), median(one.volts for one in then)
         if now[-1].time_s < self.found_s + FALLS_ON_S or max(one.volts for one in now) - volts > STEADY * before:
             return False
         sag = abs(median(one.sag_v for one in now) - median(one.sag_v for one in then)) / before
-        usual = open_voltage(now[-1].told) / open_voltage(then[0].told)
+        usual = open_voltage(now[-1].reported) / open_voltage(then[0].reported)
         least = (FALLS_ON_BLIND if blind else FALLS_ON) + CURVE_ERROR * (1.0 - usual + sag)
         if not volts < before * usual * (1.0 - least):
             return False
-        return not (self.mismeasured and self.power_fell(heard[-SURE:]))
+        return not (self.mismeasured and self.power_fell(measurements[-SURE:]))
 
 
 class _Rise(NamedTuple):
-    """A voltage that rose in flight, as no battery's does: a wrong measurement, then or before."""
+    """A rise of the voltage in flight, impossible for a battery: a measurement error, then or before."""
 
     found_s: float
     volts: float
     """The voltage before."""
-    told: float
-    """State of charge that the vehicle told before."""
+    reported: float
+    """State of charge reported by the vehicle before."""
 
 
 @dataclass(slots=True)
@@ -176,27 +179,34 @@ class VoltageWatch:
     lost: float = 0.0
     """Charge that was lost and that the vehicle does not count."""
     ohm: float = 0.0
-    """Resistance of the battery, as the last take-off showed it; 0 until then."""
+    """Resistance of the battery, from the last take-off; 0 until then."""
     _rest: tuple[float, float, float] = (-math.inf, 0.0, 0.0)
-    _seen: deque[_Heard] = field(default_factory=deque)
-    _heard_s: float = -math.inf
+    _seen: deque[_Measurement] = field(default_factory=deque)
+    _received_s: float = -math.inf
     _falls: list[_Fall] = field(default_factory=list)
     _rise: _Rise | None = None
 
     def hear(
-        self, time_s: float, volts: float, amperes: float, told_soc: float, *, load: float = 1.0, flies: bool = False
+        self,
+        time_s: float,
+        volts: float,
+        amperes: float,
+        reported_soc: float,
+        *,
+        load: float = 1.0,
+        flies: bool = False,
     ) -> float:
-        """Take the vehicle's report; returns newly found loss of charge, usually 0; below 0 where it is recovered.
+        """Take the vehicle's report; return the newly found loss of charge, usually 0; negative if a loss is undone.
 
-        `load` is the power at the present airspeed and climb over that of hover, NaN where it is unknown. `flies` says
-        that it is known to be in the air, whatever the current says.
+        `load` is the power at the present airspeed and climb over that of hover, NaN if unknown. `flies`: the vehicle
+        is known to be in the air, whatever the current.
         """
-        if not all(map(math.isfinite, (volts, amperes, told_soc))) or time_s < self._heard_s + 0.5:
+        if not all(map(math.isfinite, (volts, amperes, reported_soc))) or time_s < self._received_s + 0.5:
             return 0.0
-        self._heard_s = time_s
+        self._received_s = time_s
         if amperes < FLIGHT_A:
             if not flies:
-                self._seen.clear()  # on the ground: nothing that is compared with flight
+                self._seen.clear()  # on the ground: not comparable with flight
                 self._rise = None
             if amperes < REST_A and not flies:
                 self._rest = (time_s, volts, amperes)
@@ -206,9 +216,11 @@ class VoltageWatch:
             sag_v = max(rest_v - volts, 0.0)
             self.ohm = sag_v / (amperes - rest_a) if sag_v < MAX_SAG * rest_v else 0.0
             self._rest = (-math.inf, 0.0, 0.0)
-        if self._seen and told_soc < self._seen[-1].told - NOTICED_SOC:
+        if self._seen and reported_soc < self._seen[-1].reported - NOTICED_SOC:
             self._seen.clear()  # the vehicle has noticed it itself
-        one = _Heard(time_s, volts + amperes * self.ohm, volts, told_soc, volts * amperes, load, amperes * self.ohm)
+        one = _Measurement(
+            time_s, volts + amperes * self.ohm, volts, reported_soc, volts * amperes, load, amperes * self.ohm
+        )
         self._seen.append(one)
         while self._seen[0].time_s < time_s - BACK_S:
             self._seen.popleft()
@@ -217,12 +229,12 @@ class VoltageWatch:
         return self._again(time_s) or self._fallen(time_s)
 
     def _again(self, time_s: float) -> float:
-        """Take losses back whose voltage is there again: a battery does not mend."""
+        """Undo losses whose voltage has come back: a battery does not recover."""
         for number, fall in enumerate(self._falls):
             now = [one.volts for one in list(fall.after)[-AGAIN:]]
             if len(now) < AGAIN or time_s > fall.found_s + AGAIN_S:
                 continue
-            if median(now) >= fall.sound(fall.volts, self._seen[-1].told) * (1.0 - 0.5 * FALL):
+            if median(now) >= fall.sound(fall.volts, self._seen[-1].reported) * (1.0 - 0.5 * FALL):
                 back = min(sum(one.lost for one in self._falls[number:]), self.lost)
                 self.lost -= back
                 del self._falls[number:]
@@ -233,12 +245,12 @@ class VoltageWatch:
     def doubtful(self, *, affordable: bool = True) -> bool:
         """Whether only a momentary voltage indicates lost charge.
 
-        A battery that has lost charge shows it by a voltage that goes on falling faster than a sound one's, as near
-        empty; and one that stays low for longer than any burst of wrong values is believed where there is no time to
-        wait for that: where the charge, if the loss is true, is not `affordable`, enough for more than a landing.
+        The voltage of a battery that has lost charge continues to fall faster than a sound one's, as near empty. A voltage
+        that stays low for longer than any burst of wrong values is accepted without that if there is no time to wait:
+        if the charge after the loss is not `affordable`, not sufficient for more than a landing.
         """
         blind = self.ohm == 0.0
-        late_s = -math.inf if affordable else self._heard_s - DOUBTED_S
+        late_s = -math.inf if affordable else self._received_s - DOUBTED_S
         believed = [(one.found_s <= late_s and not one.mismeasured) or one.falls_on(blind=blind) for one in self._falls]
         return bool(self._falls) and not any(believed)
 
@@ -250,40 +262,40 @@ class VoltageWatch:
         before, now = median(one.volts for one in old), median(one.volts for one in new)
         noted = self._rise is not None and time_s <= self._rise.found_s + AGAIN_S
         if now > before * (1.0 + FALL) and self.ohm > 0.0 and not noted and not self._falls:
-            self._rise = _Rise(time_s, before, old[-1].told)
+            self._rise = _Rise(time_s, before, old[-1].reported)
         fell_v = before - now
         if max(one.volts for one in new) > before * (1.0 - FALL):
             return 0.0
         if median(one.raw_v for one in old) - median(one.raw_v for one in new) < RAW_SHARE * fell_v:
             return 0.0
-        if self._fell_back(now, new[-1].told):
+        if self._fell_back(now, new[-1].reported):
             self._seen = deque(new)
             return 0.0
-        believed = max(old[-1].told - self.lost, 0.02)
+        believed = max(old[-1].reported - self.lost, 0.02)
         found = soc_of(now * open_voltage(believed) / before)
-        lost = new[-1].told - self.lost - found
+        lost = new[-1].reported - self.lost - found
         if lost < MIN_LOST_SOC:
             return 0.0
         self.lost += lost
         earlier = [one for one in self._seen if one not in new and one.volts > before - 0.5 * fell_v]
         after = deque(new, maxlen=int(2.0 * AFTER_S))
-        self._falls.append(_Fall(lost, old[-1].told, time_s, before, _power(earlier), after))
+        self._falls.append(_Fall(lost, old[-1].reported, time_s, before, _power(earlier), after))
         self._seen.clear()
         return lost
 
-    def _fell_back(self, volts: float, told: float) -> bool:
+    def _fell_back(self, volts: float, reported: float) -> bool:
         """Whether a voltage is no lower than a sound battery's after a wrong measurement that was too high."""
         rise, self._rise = self._rise, None
-        if rise is None or self._heard_s > rise.found_s + AGAIN_S:
+        if rise is None or self._received_s > rise.found_s + AGAIN_S:
             return False
-        return volts >= rise.volts * open_voltage(told) / open_voltage(rise.told) * (1.0 - 0.5 * FALL)
+        return volts >= rise.volts * open_voltage(reported) / open_voltage(rise.reported) * (1.0 - 0.5 * FALL)
 
     def restore(self, lost: float) -> None:
         """Restore the losses found before the program restarted."""
         self.lost = lost
 
     def forget(self) -> None:
-        """Begin again: the battery was measured, or another one put in."""
+        """Reset: the battery was measured, or replaced."""
         self.lost = 0.0
         self._rise = None
         self._falls.clear()

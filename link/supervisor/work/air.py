@@ -22,15 +22,16 @@ if TYPE_CHECKING:
     from skyway.missions.recharge.spans import Span
 
 LEAVES = 0.01
-"""It leaves earlier only where it would miss the reserve with more than this, or than was promised: it took off with no greater probability, and what is measured in flight has noise."""
+"""Least probability of missing the reserve at which it leaves earlier; or that of the plan, if greater: it took off
+with no greater one, and measurements in flight have noise."""
 CLEARLY = 0.5
-"""It leaves earlier only where the landing then misses the reserve with at most this share of the probability."""
+"""Greatest ratio of that probability with and without leaving earlier."""
 HOPELESS = 0.1
-"""And flies straight to a pad, which takes some pictures twice, only where it would miss it with this probability."""
+"""Least probability of missing the reserve at which it flies straight to a pad, which repeats some pictures."""
 
 
 def look(ctx: Context) -> After | None:
-    """Judge the rest of the flight, and leave the work earlier where it would not keep the reserve; None flies on."""
+    """Judge the rest of the flight, and leave the work earlier if it would not keep the reserve; None continues the flight."""
     aloft = _aloft(ctx)
     leg = ctx.delivery.leg
     if aloft is None or leg is None:
@@ -65,7 +66,7 @@ def look(ctx: Context) -> After | None:
 
 
 def _to_refuge(ctx: Context, aloft: Aloft, judged: Judgement) -> After | None:
-    """Fly straight to a pad where no place ahead helps, and the reserve is as good as missed; None flies on."""
+    """Fly straight to a pad if no place ahead helps, and the reserve would be missed; None continues the flight."""
     found = planner_of(ctx).refuge(aloft)
     if found is None or judged.p_below < HOPELESS or found[1].p_below > CLEARLY * judged.p_below:
         return None
@@ -77,7 +78,7 @@ def _to_refuge(ctx: Context, aloft: Aloft, judged: Judgement) -> After | None:
     ctx.note(Decided(action="divert", where="flight", figures={"p_below_reserve": judged.p_below}), reason)
     ctx.tell(f"divert: {reason}")
     leg = ctx.delivery.leg
-    if leg is not None:  # it teaches what its way takes: else the same would be tried again
+    if leg is not None:  # a repetition would give the same result: the energy of this way is learnt
         ctx.energy.keep(leg, ctx.battery.soc)
         leg.learn_nothing()
     ctx.work.turn_back()
@@ -91,7 +92,7 @@ def aloft_end(ctx: Context) -> str:
 
 
 def advance(ctx: Context) -> None:
-    """Note how far the work is done; each point of it is written down once."""
+    """Record the progress of the work; each point is journaled once."""
     flight, item, place = ctx.work.flight, _item(ctx), ctx.place
     if flight is None or item is None or place is None:
         return
@@ -104,7 +105,7 @@ def advance(ctx: Context) -> None:
 
 
 def _item(ctx: Context) -> int | None:
-    """Return the item that is flown to, in our numbering; None while that is unknown, or another mission is flown."""
+    """Return the current item, in our numbering; None if unknown, or another mission is flown."""
     flight, s = ctx.work.flight, ctx.observed.sample
     if flight is None or s is None or not math.isfinite(s.mission_item) or ctx.vehicle.mode != "mission":
         return None
@@ -113,7 +114,7 @@ def _item(ctx: Context) -> int | None:
 
 
 def _aloft(ctx: Context) -> Aloft | None:
-    """What is known in flight; None while that is not enough."""
+    """Return the information in flight; None if incomplete."""
     flight, s, place, item = ctx.work.flight, ctx.observed.sample, ctx.place, _item(ctx)
     if flight is None or s is None or place is None or item is None or not math.isfinite(ctx.battery.soc + s.height_m):
         return None
@@ -131,7 +132,7 @@ def _aloft(ctx: Context) -> Aloft | None:
 
 
 def _expect(ctx: Context, judged: Judgement) -> None:
-    """Keep with the leg what is expected of it."""
+    """Store the expectation with the leg."""
     leg, place = ctx.delivery.leg, ctx.place
     if leg is None or place is None:
         return
@@ -151,7 +152,7 @@ def _expect(ctx: Context, judged: Judgement) -> None:
 
 
 def leave_at(ctx: Context, span: Span, item: int) -> After | None:
-    """Change the mission in flight so that it leaves the work at another place: all before that stays as it is."""
+    """Change the mission in flight so that it leaves the work at another place: all before that stays unchanged."""
     leg, planner = ctx.delivery.leg, planner_of(ctx)
     if leg is None or ctx.work.flight is None or ctx.place is None:
         return None
@@ -181,7 +182,7 @@ def leave_at(ctx: Context, span: Span, item: int) -> After | None:
 
 
 def _to_pad(ctx: Context, station: str, why: str) -> After:
-    """What the vehicle holds now is unknown: it flies to the pad by a separate mission, or by reposition."""
+    """Fly to the pad by a separate mission, or by reposition: the vehicle's mission is now unknown."""
     ctx.note(WorkTurned(verified=False), f"the mission could not be changed: {why}")
     ctx.divert.to(station)
     return turn(ctx, station, State.DIVERTING)

@@ -1,4 +1,4 @@
-"""On the ground: the next flight of the work, with how much charge, and when."""
+"""On the ground: the next flight of the work, its charge and take-off time."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ from skyway.models.base.formatting import percent
 if TYPE_CHECKING:
     from skyway.link.supervisor.context import After, Context
     from skyway.link.supervisor.work.task import WorkFlight, WorkPlanner
-    from skyway.models.composition.composition import DroneService
+    from skyway.models.composition.service import DroneService
 
 ENOUGH_SOC = 0.012
-"""A charge told in whole percent may lack so much."""
+"""Tolerance of a charge reported in whole percent."""
 MAX_TURNED_BACK = 3
 WAITS_S = 30.0
-"""A take-off that is planned so much later is waited for."""
+"""A take-off that is planned later than this is waited for, s."""
 LOOK_AGAIN_S = 300.0
 
 
@@ -31,10 +31,10 @@ class PlannedUse(ModelledUse):
     """Modelled charge of a flight of the work so far: by its progress, not by its time."""
 
     def hear(self, time_s: float, velocity: tuple[float, float], wind: tuple[float, float]) -> None:
-        """Take no time: see `reach`."""
+        """Ignore time: see `reach`."""
 
     def reach(self, soc: float) -> None:
-        """Take what it should have taken as far as it is now."""
+        """Set the modelled use at the present progress."""
         self.soc = soc
 
 
@@ -46,13 +46,13 @@ def planner_of(ctx: Context) -> WorkPlanner:
 
 
 def known_now(ctx: Context, *, by_hour: bool) -> Known:
-    """Return what is known on the ground."""
+    """Return the information on the ground."""
     forecast = ctx.wind.forecast_by_hour() if by_hour else ctx.wind.forecast(ctx.now_s, now=True)
     return Known(time_s=ctx.now_s, soc=ctx.battery.soc, forecast=forecast, belief=ctx.energy.belief)
 
 
 def deciding(ctx: Context) -> After:
-    """Plan what is left with what is known now; then charge, wait, or prepare the next flight."""
+    """Plan the remaining work with present information; then charge, wait, or prepare the next flight."""
     if ctx.conversation.stays:
         return State.STOPPED, f"stopped at {ctx.delivery.station} as ordered: the drone stands disarmed"
     _look(ctx)
@@ -97,7 +97,7 @@ def deciding(ctx: Context) -> After:
 
 
 def _look(ctx: Context) -> None:
-    """Wait until it is known where it stands and what charge it has; missing data are requested again."""
+    """Wait until position and charge are known; missing data are requested again."""
     unknown, end = "the drone does not report its position or its state of charge", ctx.clock.now_s() + ASK_FOR_S
     while True:
         station = ctx.delivery.station or ctx.here_station()
@@ -112,7 +112,7 @@ def _look(ctx: Context) -> None:
 
 
 def next_flight(ctx: Context) -> tuple[DroneService, WorkFlight]:
-    """Return the flight that was decided, as a service and as a mission."""
+    """Return the next flight, as a service and as a mission."""
     plan, flight = ctx.delivery.plan, ctx.work.flight
     if plan is None or not plan.services or flight is None:
         raise Turn(State.STOPPED, f"the work has no flight from {ctx.delivery.station or 'here'}")
@@ -120,7 +120,7 @@ def next_flight(ctx: Context) -> tuple[DroneService, WorkFlight]:
 
 
 def leg_of(ctx: Context, flight: WorkFlight) -> Leg:
-    """Return a flight as the leg that is watched."""
+    """Return a flight as a leg for supervision."""
     use = PlannedUse(per_s=flight.modelled_soc / max(flight.planned_s, 1.0), fixed=0.0)
     return Leg(
         origin=flight.origin,
@@ -137,7 +137,7 @@ def leg_of(ctx: Context, flight: WorkFlight) -> Leg:
 
 
 def note_begun(ctx: Context) -> None:
-    """Write down which flight of the work is about to begin."""
+    """Journal the flight of the work that is about to begin."""
     flight = ctx.work.flight
     if flight is None:
         return

@@ -1,4 +1,4 @@
-"""After a landing: how far the work is done, and whether that was all."""
+"""After a landing: progress of the work, and whether it is finished."""
 
 from __future__ import annotations
 
@@ -17,11 +17,12 @@ if TYPE_CHECKING:
 
 
 WHOLE = 0.9
-"""A flight that lands where it was to, and has taken this share of its time, was flown to its end though nobody saw it."""
+"""Share of the planned time from which a flight that lands at its destination counts as complete, although its end
+was not observed."""
 
 
 def settle_use(ctx: Context, station: str | None) -> None:
-    """Compare the flight with its modelled use; one that did not end as planned teaches nothing."""
+    """Compare the flight with its modelled use; one that did not end as planned is not used."""
     leg, flight = ctx.delivery.leg, ctx.work.flight
     if leg is None or flight is None or not isinstance(leg.modelled, PlannedUse):
         return
@@ -59,7 +60,7 @@ def after_flight(ctx: Context, station: str, leg: Leg | None) -> After:
 
 
 def _as_planned(ctx: Context, flight: WorkFlight, station: str, leg: Leg | None) -> bool:
-    """Whether the flight that has ended was flown to its end: as far as was seen, or by the time that it took."""
+    """Whether the flight was completed: as observed, or by its duration."""
     if station != flight.destination or ctx.divert.station is not None:
         return False
     flown_s = math.nan if leg is None else ctx.now_s - leg.start_s
@@ -67,7 +68,7 @@ def _as_planned(ctx: Context, flight: WorkFlight, station: str, leg: Leg | None)
 
 
 def _done_point(ctx: Context) -> int:
-    """Return the point from which the work goes on that was broken off."""
+    """Return the point from which interrupted work continues."""
     point = planner_of(ctx).point_at(ctx.work.done)
     begin = ctx.work.begin
     return max(point, 0 if begin is None else begin[0])

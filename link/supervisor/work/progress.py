@@ -1,4 +1,4 @@
-"""Progress of the work: what is done, the flight under way, and the pad where the next one begins."""
+"""Progress of the work: completed parts, the present flight, and the pad where the next one begins."""
 
 from __future__ import annotations
 
@@ -15,58 +15,58 @@ if TYPE_CHECKING:
 
 @dataclass(slots=True)
 class WorkProgress:
-    """The progress of one work; written by the methods here alone."""
+    """The progress of one work; written only by its own methods."""
 
     begin: tuple[int, int] | None = None
-    """Point that is done, and the pad where it stands; None: nothing is done yet."""
+    """Point that is done, and the pad of the drone; None: nothing is done yet."""
     flight: WorkFlight | None = None
-    """Uploaded, or under way."""
+    """Flight uploaded, or under way."""
     done: Done | None = None
-    """How far the work is done in this flight."""
+    """Progress of the work in this flight."""
     finished: bool = False
     turned_back: int = 0
-    """Flights in a row that came back without having done any work."""
+    """Successive flights that came back without progress."""
     intended: Span | None = None
-    """Flight that the mission is being changed to."""
+    """Flight to which the mission is being changed."""
 
     def take(self, flight: WorkFlight | None) -> None:
-        """Take the flight that is to be flown, or is flown from now on."""
+        """Set the next, or present, flight."""
         self.flight = flight
 
     def intend(self, span: Span | None) -> None:
-        """Note what the mission is about to be changed to; None: nothing any more."""
+        """Set the flight to which the mission is about to be changed; None: no longer any."""
         self.intended = span
 
     def turn_back(self) -> None:
-        """Note that a flight turns back for a pad."""
+        """Record that a flight turns back to a pad."""
         self.turned_back += 1
 
     def begin_flight(self) -> None:
-        """Forget how far an earlier flight came."""
+        """Reset the progress of an earlier flight."""
         self.done = None
 
     def advance(self, done: Done | None) -> None:
-        """Note how far the work is done; it is never undone."""
+        """Record the progress of the work; it never decreases."""
         if done is not None and (self.done is None or done > self.done):
             self.done = done
 
     def stand(self, point: int, pad: int) -> None:
-        """Stand on a pad, with the work done as far as a point."""
+        """Record a landing on a pad, with the work done up to a point."""
         if self.begin is not None and point > self.begin[0]:
             self.turned_back = 0
         self.begin, self.flight, self.done, self.intended = (point, pad), None, None, None
 
     def back_at_start(self) -> None:
-        """Stand where the mission begins, with nothing done."""
+        """Record a landing at the start of the mission, with nothing done."""
         self.begin, self.flight, self.done, self.intended = None, None, None, None
 
     def finish(self) -> None:
-        """Note that all is done."""
+        """Record that all is done."""
         self.finished, self.flight = True, None
 
 
 def reached(flight: WorkFlight, item: int, place: tuple[float, float]) -> Done | None:
-    """Return how far the work is done at a place on the way to an item; None before its first place."""
+    """Return the progress of the work at a place on the way to an item; None before its first place."""
     reaches = flight.reaches
     before = next(
         (number for number in range(min(item, len(reaches)) - 1, -1, -1) if reaches[number] is not None), None
@@ -81,7 +81,7 @@ def reached(flight: WorkFlight, item: int, place: tuple[float, float]) -> Done |
     share = _share_flown(items[before], items[item], place)
     begin = last[1] if last[0] == following[0] else 0.0
     if last[0] + 1 < following[0]:
-        return last  # between two places that are not neighbours nothing is known
+        return last  # between two places that are not neighbours the progress is unknown
     return following[0], min(begin + share * (following[1] - begin), following[1])
 
 

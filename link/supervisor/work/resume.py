@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 
 def restore_work(ctx: Context, record: Record) -> None:
-    """Follow a record of a journal, if it is one of the work."""
+    """Restore from a record of a journal, if it belongs to the work."""
     work = ctx.work
     if stands := record.entry(WorkStands):
         _stand(ctx, stands)
@@ -42,14 +42,14 @@ def _pair(point: int | None, pad: int | None) -> tuple[int, int] | None:
     return None if point is None or pad is None else (point, pad)
 
 
-def _stand(ctx: Context, told: WorkStands) -> None:
-    pad = planner_of(ctx).pad_of(told.pad)
-    if told.finished:
+def _stand(ctx: Context, entry: WorkStands) -> None:
+    pad = planner_of(ctx).pad_of(entry.pad)
+    if entry.finished:
         ctx.work.finish()
-    elif told.point is None or pad is None:
+    elif entry.point is None or pad is None:
         ctx.work.back_at_start()
     else:
-        ctx.work.stand(told.point, pad)
+        ctx.work.stand(entry.point, pad)
 
 
 def _take(ctx: Context, span: Span, time_s: float) -> None:
@@ -64,26 +64,26 @@ def _take(ctx: Context, span: Span, time_s: float) -> None:
         ctx.delivery.take_leg(changed)
 
 
-def restored_leg(ctx: Context, told: LegBegun, time_s: float) -> Leg | None:
-    """Make the leg under way again from what was written before its take-off."""
+def restored_leg(ctx: Context, entry: LegBegun, time_s: float) -> Leg | None:
+    """Rebuild the present leg from the record before its take-off."""
     flight = ctx.work.flight
     if flight is None:
         return None
-    numbers = (told.soc, told.told_soc, told.planned_s, told.planned_soc)
-    soc, told_soc, planned_s, planned_soc = (float("nan") if one is None else one for one in numbers)
+    numbers = (entry.soc, entry.told_soc, entry.planned_s, entry.planned_soc)
+    soc, reported_soc, planned_s, planned_soc = (float("nan") if one is None else one for one in numbers)
     return replace(
         leg_of(ctx, flight),
         start_s=time_s,
         commanded_s=time_s,
         soc_start=soc,
-        told_start=told_soc,
+        reported_start=reported_soc,
         planned_s=planned_s,
         planned_soc=planned_soc,
     )
 
 
 def turning(ctx: Context) -> After | None:
-    """Finish a change of the mission that was started before the program ended; None where there was none."""
+    """Finish a change of the mission that began before the program ended; None if there was none."""
     span, s = ctx.work.intended, ctx.observed.sample
     if span is None or ctx.work.flight is None or s is None or not s.mission_item >= 0.0:
         return None

@@ -1,6 +1,6 @@
-"""A mission flown battery by battery: the supervisor's view of it, and its requirements on the planner.
+"""A mission flown battery by battery: the interface between the supervisor and the planner of the work.
 
-`skyway.recharge` plans; here is what is said between the two. Points of the work and pads are numbers, as in `missions.recharge`.
+`skyway.recharge` implements the planner. Points of the work and pads are numbers, as in `missions.recharge`.
 """
 
 from __future__ import annotations
@@ -27,23 +27,23 @@ class Known:
     """POSIX seconds."""
     soc: float
     forecast: WindEnsemble
-    """Brought up to date with what was measured."""
+    """Forecast updated with measurements."""
     belief: EnergyBelief
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Aloft(Known):
-    """The same in flight."""
+    """Information at a decision in flight."""
 
     span: Span
-    """The flight under way."""
+    """The present flight."""
     item: int
-    """Item that is flown to, in our numbering."""
+    """Current item, in our numbering."""
     done: Done | None
-    """How far the work is done; None before its first place."""
+    """Progress of the work; None before its first place."""
     place: tuple[float, float]
     height_m: float
-    """Above the ground that the flight began on."""
+    """Above the ground at the start of the flight."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -52,7 +52,7 @@ class Judgement:
 
     left_s: float
     left_soc: float
-    """By the model, without what is believed of the drone."""
+    """By the model, without the belief about the drone."""
     soc_land: float
     p_below: float
     """Probability that it lands below the reserve."""
@@ -65,15 +65,15 @@ class WorkFlight:
     span: Span
     mission: LegMission
     reaches: tuple[Done | None, ...]
-    """Of each item: how far the work is done when it is reached."""
+    """Progress of the work when each item is reached."""
     origin: str
     destination: str
-    """Stations."""
+    """Station."""
     diverts: tuple[str, ...]
-    """Pads that it may be sent to instead."""
+    """Divert pads."""
     planned_s: float
     modelled_soc: float
-    """Charge by the model."""
+    """Modelled charge."""
     soc_land: float
     soc_sd: float
     speed_mps: float
@@ -86,38 +86,38 @@ class WorkPlan:
     span: Span
     """The next flight."""
     charge_to: float
-    """To leave with."""
+    """Charge at departure."""
     leave_s: float
-    """POSIX seconds; not before."""
+    """Earliest take-off, POSIX seconds."""
     composition: Composition
     said: str
-    """A sentence."""
+    """Reason, a sentence."""
     figures: Mapping[str, Any] = field(default_factory=dict)
 
 
 class WorkPlanner(Protocol):
-    """Planner of the work; an `InputError` says why no flight is possible."""
+    """Planner of the work; raises an `InputError` if no flight is possible."""
 
     @property
     def epsilon(self) -> float:
-        """A landing may miss the reserve with this probability."""
+        """Accepted probability that a landing misses the reserve."""
         ...
 
     @property
     def transit_mps(self) -> float:
-        """Ground speed of ways to pads: what `refuge` reckons with, and a divert flies."""
+        """Ground speed of ways to pads: assumed by `refuge`, and flown by a divert."""
         ...
 
     def plan(self, family: Family, begin: tuple[int, int] | None, known: Known) -> WorkPlan:
-        """Plan the remaining work: from the start, or from a point of the work and the pad where the drone stands."""
+        """Plan the remaining work: from the start, or from a point of the work and the pad of the drone."""
         ...
 
     def as_cut(self, family: Family, begin: tuple[int, int] | None, known: Known) -> WorkPlan:
-        """Return what is left as it was cut before the first take-off."""
+        """Return the rest of the plan made before the first take-off."""
         ...
 
     def flight(self, family: Family, span: Span, known: Known) -> WorkFlight:
-        """Make the mission of a flight; the same span makes the same mission."""
+        """Build the mission of a flight; the same span gives the same mission."""
         ...
 
     def judge(self, family: Family, aloft: Aloft) -> Judgement:
@@ -125,19 +125,19 @@ class WorkPlanner(Protocol):
         ...
 
     def earlier(self, family: Family, aloft: Aloft, judged: Judgement) -> tuple[Span, Judgement] | None:
-        """Return the flight that leaves the work where it keeps the reserve after all, and what that comes to; None where none does."""
+        """Return the flight that leaves the work at a place where it keeps the reserve, and its judgement; None if there is none."""
         ...
 
     def refuge(self, aloft: Aloft) -> tuple[str, Judgement] | None:
-        """Return the pad that takes least charge to reach from here, and its prediction; None where no pad may be flown to."""
+        """Return the pad that takes least charge to reach, and the judgement of that flight; None if no pad is permitted."""
         ...
 
     def pad_of(self, station: str | None) -> int | None:
-        """Return the pad at a station; None where it has none."""
+        """Return the pad at a station; None if it has none."""
         ...
 
     def point_at(self, done: Done | None) -> int:
-        """Return the last point at which the work may be left and continued with that is done."""
+        """Return the last point, with this progress, at which the work may be left and continued."""
         ...
 
     def is_done(self, span: Span, done: Done | None) -> bool:

@@ -101,10 +101,16 @@ def places(
 
 
 def noise_covariance(observations: Sequence[WindObservation]) -> NDArray[np.float64]:
-    """Covariance of the observations' own errors, m2/s2, shape (n, n).
+    """Covariance of the observations' own errors, m2/s2, shape (n, n): of their gusts, and what else their variances say."""
+    variance = np.array([one.variance for one in observations], dtype=np.float64)
+    gusts = gust_covariance(observations)
+    return gusts + np.diag(variance - np.diag(gusts))
 
-    Their gusts are correlated if they were measured soon after each other and nearby: shorter slots do not average them out
-    any better.
+
+def gust_covariance(observations: Sequence[WindObservation]) -> NDArray[np.float64]:
+    """Covariance of the gusts in observations, m2/s2, shape (n, n).
+
+    They are correlated if they were measured soon after each other and nearby: shorter slots do not average them out any better.
     """
     time_s, lat, lon = places(observations)
     variance = np.array([one.variance for one in observations], dtype=np.float64)
@@ -112,7 +118,7 @@ def noise_covariance(observations: Sequence[WindObservation]) -> NDArray[np.floa
     gust = np.sqrt(np.minimum(variance, (GUST_SD * speed) ** 2))
     distance, _ = geodesy.inverse(lat[:, None], lon[:, None], lat[None], lon[None])
     alike = np.exp(-np.abs(time_s[:, None] - time_s) / GUST_TIME_S - distance / GUST_LENGTH_M)
-    return np.asarray(alike * gust * gust[:, None] + np.diag(variance - gust**2))
+    return np.asarray(alike * gust * gust[:, None])
 
 
 def check_observations(observations: Sequence[WindObservation]) -> None:

@@ -19,16 +19,19 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from skyway.models.base import geodesy
 from skyway.models.base.errors import InputError
 from skyway.models.wind.estimation.field import (
     ResidualModel,
     WindObservation,
     check_observations,
+    gust_covariance,
     noise_covariance,
     places,
 )
+from skyway.models.wind.felt_gust import FeltGust
 from skyway.models.wind.field_error import EXACT_FIELD
-from skyway.models.wind.gusts import GUST_SD, GUST_TIME_S, gust_mean_variance
+from skyway.models.wind.gusts import GUST_LENGTH_M, GUST_SD, GUST_TIME_S, gust_mean_variance
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -124,7 +127,8 @@ def update_forecast(
     fit the present measurements would represent all possible winds of the hours after.
 
     `field` is the error of the wind between the sites, at the height of the ensemble; it does not count between the nodes of a lattice. With it
-    and a place `here`, degrees, the updated forecast has one more site there.
+    and a place `here`, degrees, the updated forecast has one more site there. What is measured at `here` besides the wind of the
+    hour is told as a gust (`WindEnsemble.gust`).
     """
     if not observations:
         return ensemble
@@ -154,9 +158,27 @@ def update_forecast(
     if local is not None and here is not None:
         more = _expected(middle, where[0], field.tau_s, local.here[None], flat)
         moved = _with_site(moved, here, more[..., 0])
-    if not float((moved.probability * likelihood).sum()) > 0.0:
-        return moved
-    return moved.weighted(_flattened(moved.probability, likelihood, least_members))
+    if float((moved.probability * likelihood).sum()) > 0.0:
+        moved = moved.weighted(_flattened(moved.probability, likelihood, least_members))
+    return moved if here is None else replace(moved, gust=_felt(observations, here, pressed, moved.probability))
+
+
+def _felt(
+    observations: Sequence[WindObservation],
+    here: tuple[float, float],
+    pressed: NDArray[np.float64],
+    probability: NDArray[np.float64],
+) -> FeltGust:
+    """Return the expected gust in the observation whose gust is most like that at a place after the last one.
+
+    `pressed`, shape (members, observations, 2), are the misses times the inverse of their covariance.
+    """
+    time_s, lat, lon = places(observations)
+    away_m = geodesy.coarse_distance_m(lat, lon, *here)
+    nearest = int(np.argmin((time_s.max() - time_s) / GUST_TIME_S + away_m / GUST_LENGTH_M))
+    north, east = np.einsum("m,mkc,k->c", probability, pressed, gust_covariance(observations)[nearest]).tolist()
+    one = observations[nearest]
+    return FeltGust(one.time_s, one.lat_deg, one.lon_deg, north, east)
 
 
 def _expected(

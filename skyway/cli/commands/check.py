@@ -35,7 +35,7 @@ def check(
     zones: options.Zones = None,
     authorized: options.Authorized = None,
     drone: Annotated[str | None, typer.Option(help="Drone id; m200-v2 is built in.")] = None,
-    fleet: Annotated[Path | None, typer.Option(help="Fleet file (drones.toml) that the drone is of.")] = None,
+    fleet: Annotated[Path | None, typer.Option(help="Fleet file (drones.toml) with the drone.")] = None,
     autopilot: Annotated[FamilyName | None, typer.Option(help="Autopilot to check the mission for.")] = None,
     wind: Annotated[str | None, typer.Option(help="Steady wind at flying height, m/s@degrees FROM: 8@270.")] = None,
     depart: Annotated[
@@ -178,8 +178,10 @@ def recharge(
         typer.Option(help="Weather forecast, as for skyway plan; repeatable. Goes with a scenario and --depart."),
     ] = None,
     drone: Annotated[str | None, typer.Option(help="Drone id; m200-v2 is built in.")] = None,
-    fleet: Annotated[Path | None, typer.Option(help="Fleet file (drones.toml) that the drone is of.")] = None,
-    autopilot: Annotated[FamilyName | None, typer.Option(help="Autopilot. Default: all that fly the mission.")] = None,
+    fleet: Annotated[Path | None, typer.Option(help="Fleet file (drones.toml) with the drone.")] = None,
+    autopilot: Annotated[
+        FamilyName | None, typer.Option(help="Autopilot. Default: all that can fly the mission.")
+    ] = None,
     payload: Annotated[float, typer.Option(help="Mass of the package, kg.")] = 0.0,
     soc: Annotated[float, typer.Option(help="Charge at the first take-off, percent.")] = 100.0,
     reserve: Annotated[float, typer.Option(help="Least charge at any landing, percent.")] = 20.0,
@@ -203,10 +205,10 @@ def recharge(
     ] = False,
     home: Annotated[str | None, typer.Option(help="Home of the mission where its file has none: lat,lon.")] = None,
     home_elevation: Annotated[float | None, typer.Option(help="Ground of home above the sea, m.")] = None,
-    laps: Annotated[int, typer.Option(help="How often jumps that never end are followed.")] = 1,
+    laps: Annotated[int, typer.Option(help="Number of repetitions of endless jumps.")] = 1,
     swap: Annotated[
         float | None,
-        typer.Option(help="Seconds that changing the battery takes. Default: it is charged on the pad."),
+        typer.Option(help="Duration of a battery change, s. Default: it is charged on the pad."),
     ] = None,
     single: Annotated[
         bool,
@@ -218,8 +220,8 @@ def recharge(
 ) -> None:
     """Cut a mission that is longer than a battery into one mission for each battery, with charging on pads on the way.
 
-    Each mission continues exactly where the one before left the work, with every state restored. The places to leave it, the pads and
-    the charges are chosen so that the whole work ends first and every landing keeps the reserve.
+    Each mission continues exactly where the previous one left the work, with every state restored. The places to leave it, the pads and
+    the charges are chosen so that the work is finished earliest and every landing keeps the reserve.
 
     Examples
     --------

@@ -22,14 +22,14 @@ if TYPE_CHECKING:
 def demo(
     day: Annotated[str | None, typer.Option(help="Day of 2013 whose wind is simulated.")] = None,
     seed: Annotated[int, typer.Option(help="Random seed of gusts, other drones and errors.")] = 1,
-    autopilot: Annotated[FamilyName, typer.Option(help="Whose behaviour.")] = NAMES[0],
+    autopilot: Annotated[FamilyName, typer.Option(help="Autopilot to simulate.")] = NAMES[0],
     planner: Annotated[str, typer.Option(help="Planner. Default: the default planner.")] = "",
     plan_only: Annotated[bool, typer.Option("--plan-only", help="Plan only; this compiles the kernels.")] = False,
     output: Annotated[Path, typer.Option("--output", "-o", help="Folder for plan, journal and report.")] = Path(
         "out/demo"
     ),
     calibration_flight: Annotated[
-        Path | None, typer.Option(help="Fly a square twice, to calibrate the drone with, and record it: FILE.tlog.")
+        Path | None, typer.Option(help="Fly a square twice as a calibration flight, and record it: FILE.tlog.")
     ] = None,
     payload: Annotated[
         float | None, typer.Option(help="Mass of the package on the calibration flight, kg. Default: 0.8.")
@@ -89,7 +89,8 @@ def serve(
     forecast_error: Annotated[Path | None, typer.Option(help=ERROR_HELP)] = None,
     observed: Annotated[list[str] | None, typer.Option(help=OBSERVED_HELP)] = None,
     pads: Annotated[
-        str | None, typer.Option(help="Pads of now: tcp:HOST:PORT of their service, or a file; see skyway plan.")
+        str | None,
+        typer.Option(help="Present state of the pads: tcp:HOST:PORT of their service, or a file; see skyway plan."),
     ] = None,
     terrain: options.TerrainFiles = None,
     obstacles: options.ObstacleFiles = None,
@@ -101,11 +102,11 @@ def serve(
     tiles: Annotated[
         str | None,
         typer.Option(
-            help="Base map of a tile server: https://HOST/{z}/{x}/{y}.png, or .pbf for vectors. Browsers ask that host, and only then any other."
+            help="Base map of a tile server: https://HOST/{z}/{x}/{y}.png, or .pbf for vectors. Browsers then contact that host; without it they contact none."
         ),
     ] = None,
     attribution: Annotated[
-        str, typer.Option(help="Who made the base map, shown on it. Default: what its file says, or its host.")
+        str, typer.Option(help="Attribution shown on the base map. Default: that of its file, or its host.")
     ] = "",
     outline: Annotated[
         Path | None, typer.Option(help="GeoJSON with coast, water and streets, drawn beneath the network.")

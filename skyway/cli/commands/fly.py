@@ -63,7 +63,7 @@ def fly(
     zones: options.Zones = None,
     forecast: Annotated[
         list[Path] | None,
-        typer.Option(help="Weather forecast of any form, or a folder; repeatable. Default: the scenario's forecast."),
+        typer.Option(help="Weather forecast in any format, or a folder; repeatable. Default: the scenario's forecast."),
     ] = None,
     wind: Annotated[
         str | None, typer.Option(help="One constant wind at cruise height instead of a forecast: 8@270.")
@@ -98,7 +98,7 @@ def fly(
     orders: Annotated[
         Path | None,
         typer.Option(
-            help="Take the operator's words from this file, FILE.orders, instead of the terminal: skyway serve does."
+            help="Read the operator's commands from this file, FILE.orders, instead of the terminal (used by skyway serve)."
         ),
     ] = None,
     settings: options.Settings = None,
@@ -110,7 +110,7 @@ def fly(
     divert station. Parameters to be set are listed with the request for take-off: once, or before each take-off with --manual. They
     are restored at the end. Everything is written to a journal; --resume continues an interrupted flight. Ctrl-C stops the
     delivery on the ground, or at the next landing; pressed twice in the air, skyway stops commanding the vehicle. In the air it
-    takes these words: pause, go, stay, divert STATION, return, land, undelivered, leave.
+    accepts the commands pause, go, stay, divert STATION, return, land, undelivered, leave.
 
     Examples
     --------

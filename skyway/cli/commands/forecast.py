@@ -51,7 +51,7 @@ def forecast(
         list[Path] | None,
         typer.Option(
             "--forecast",
-            help="Weather forecast to update, of any form; repeatable. Default: made from the wind record.",
+            help="Weather forecast to update, in any format; repeatable. Default: made from the wind record.",
         ),
     ] = None,
     depart: Annotated[str | None, typer.Option(help="Departure to plan for. Default: the last measurement.")] = None,
@@ -68,8 +68,8 @@ def forecast(
 ) -> None:
     """Update the wind forecast with winds measured by drones, and write it for skyway plan.
 
-    The winds of all logs are combined: a forecast error is similar at nearby places and times, as far as the members of
-    the forecast say. Each member is moved by its own error; the shift fades with the lead time.
+    The winds of all logs are combined: a forecast error is similar at nearby places and times, according to the members of
+    the forecast. Each member is moved by its own error; the shift fades with the lead time.
     Without logs the forecast is written unchanged.
 
     Examples
@@ -191,7 +191,7 @@ weather = typer.Typer(
     rich_markup_mode=None,
 )
 
-Files = Annotated[list[Path], typer.Argument(help="Weather files, of any form; what belongs together is put together.")]
+Files = Annotated[list[Path], typer.Argument(help="Weather files, in any format; files of one forecast are combined.")]
 
 
 @weather.command("show")
@@ -243,7 +243,7 @@ def verify(
     observed: Annotated[
         str | None,
         typer.Option(
-            help="What was observed: METARs, or a table as for plan --observed. Default: the scenario's wind record."
+            help="Observations: METARs, or a table as for plan --observed. Default: the scenario's wind record."
         ),
     ] = None,
     scenario: log_options.ScenarioName = None,
@@ -352,7 +352,7 @@ def fetch(
         Path, typer.Option("--output", "-o", help="File to write: JSON, GRIB or text, as the service gives it.")
     ],
     region: Annotated[
-        str | None, typer.Option("--region", help="Scenario whose region is wanted (newyork: built in).")
+        str | None, typer.Option("--region", help="Scenario that gives the region (newyork: built in).")
     ] = None,
     hours: Annotated[int, typer.Option(help="Hours from the departure on.", min=1, max=120)] = 12,
     depart: Annotated[str | None, typer.Option(help="Departure with UTC offset. Default: now.")] = None,
@@ -361,9 +361,7 @@ def fetch(
         str | None,
         typer.Option(help="Key of a paid service of Open-Meteo.", envvar="SKYWAY_WEATHER_API_KEY", show_envvar=True),
     ] = None,
-    no_cache: Annotated[
-        bool, typer.Option("--no-cache", help="Neither keep parts of files nor use those that were kept.")
-    ] = False,
+    no_cache: Annotated[bool, typer.Option("--no-cache", help="Neither store nor use cached parts of files.")] = False,
     force: options.Force = False,
 ) -> None:
     """Fetch a forecast for the region of a scenario, and show its licence.

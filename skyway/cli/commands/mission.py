@@ -63,7 +63,7 @@ def mission(
     terrain: options.TerrainFiles = None,
     obstacles: options.ObstacleFiles = None,
     scenario: Annotated[
-        Path | None, typer.Option(help="Scenario folder: its zones must let every leg be flown at its time.")
+        Path | None, typer.Option(help="Scenario folder: its zones must permit every leg at its time.")
     ] = None,
     zones: options.Zones = None,
     force: options.Force = False,

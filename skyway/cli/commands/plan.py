@@ -56,12 +56,12 @@ def plan(
     settings: options.Settings = None,
     alternatives: Annotated[int, typer.Option(help="Largest number of different plans to show.", min=1, max=9)] = 1,
     explain: Annotated[
-        bool, typer.Option("--explain", help="Explain each stop and its charge, and what the promise rests on.")
+        bool, typer.Option("--explain", help="Explain each stop and its charge, and the basis of the promise.")
     ] = False,
     as_flown: Annotated[
         int,
         typer.Option(
-            help="Simulate this many deliveries with the decisions of `fly`, in wind that no site measures, half a second to some seconds each, and show when they arrive (planner robust).",
+            help="Simulate this number of deliveries with the decisions of `fly` and wind errors between the sites, and show their arrival times (planner robust); half a second to some seconds each.",
             metavar="N",
             min=0,
         ),
@@ -156,7 +156,9 @@ def compare(
     planners: Annotated[
         str, typer.Option(help="Names of planners, separated by commas.")
     ] = "robust,pfs,pfs-charge-aware,shortest,ies",
-    objective: Annotated[str, typer.Option(help="Of robust, see skyway plan; the others plan for the time.")] = "mean",
+    objective: Annotated[
+        str, typer.Option(help="Objective of robust, see skyway plan; the others minimize the time.")
+    ] = "mean",
     time_limit: TimeLimit = 60.0,
     settings: options.Settings = None,
     as_json: options.AsJson = False,
@@ -217,7 +219,7 @@ def evaluate(
     days: Annotated[
         int, typer.Option(help="Days of the season that are held out of the forecast.", min=2, max=60)
     ] = 12,
-    runs: Annotated[int, typer.Option(help="Simulated deliveries, shared out over these days.", min=2)] = 1000,
+    runs: Annotated[int, typer.Option(help="Simulated deliveries, distributed over these days.", min=2)] = 1000,
     online: Annotated[
         bool,
         typer.Option("--online", help="Fly the online policy, which decides at each stop; seconds for each delivery."),
@@ -233,7 +235,7 @@ def evaluate(
 ) -> None:
     """Simulate a plan on days of the wind record that are held out of its forecast.
 
-    Prints delivery times, landings below the reserve and kept promises, each with a 95 % interval over the days. Deliveries are shared out
+    Prints delivery times, landings below the reserve and kept promises, each with a 95 % interval over the days. Deliveries are distributed
     over processes, or a Dask cluster; their number does not change the figures.
 
     Examples

@@ -37,7 +37,9 @@ def network(
     ] = None,
     csv: Annotated[
         Path | None,
-        typer.Option(help="Write stations.csv and segments.csv into this folder, to edit and to make a scenario of."),
+        typer.Option(
+            help="Write stations.csv and segments.csv into this folder, to edit and to build a scenario from."
+        ),
     ] = None,
     as_json: options.AsJson = False,
     force: options.Force = False,

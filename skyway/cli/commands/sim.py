@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from datetime import datetime
     from pathlib import Path
 
-    from skyway.models.network.network import Station
+    from skyway.models.network.station import Station
     from skyway.models.scenario.scenario import Scenario
     from skyway.sim_stub.plant.wind_truth import WindTruth
     from skyway.sim_stub.transports.channel import Impairment
@@ -48,7 +48,8 @@ def sim(
     scenario: options.ScenarioArgument = None,
     vehicles: Annotated[int, typer.Option(help="Number of vehicles.")] = 1,
     at: Annotated[
-        list[str] | None, typer.Option(help="Where the vehicles stand: station or lat,lon; repeatable, used in turn.")
+        list[str] | None,
+        typer.Option(help="Initial places of the vehicles: station or lat,lon; repeatable, used in turn."),
     ] = None,
     autopilot: Annotated[options.FamilyName, typer.Option(help="Autopilot to simulate.")] = NAMES[0],
     firmware: Annotated[
@@ -67,9 +68,7 @@ def sim(
     seed: Annotated[int, typer.Option(help="Random seed of gusts, errors, queues and packet loss.")] = 1,
     system: Annotated[int, typer.Option(help="System id of the first vehicle.")] = 1,
     wind: Annotated[str | None, typer.Option(help=WIND_HELP)] = None,
-    depart: Annotated[
-        str | None, typer.Option(help="When simulated time begins, with UTC offset. Default: now.")
-    ] = None,
+    depart: Annotated[str | None, typer.Option(help="Start of simulated time, with UTC offset. Default: now.")] = None,
     soc: Annotated[float, typer.Option(help="Charge at the start, percent.")] = 100.0,
     payload: Annotated[float, typer.Option(help="Mass of the package on board, kg.")] = 0.0,
     warm: Annotated[
@@ -88,7 +87,7 @@ def sim(
         float, typer.Option(help=f"Share of packets reordered, 0-1; without a value: {BARE['--reorder']}.")
     ] = 0.0,
     rate: Annotated[
-        float, typer.Option(help="What the link carries each way, bytes/s, such as 5760 for a 57600 baud radio.")
+        float, typer.Option(help="Data rate of the link, each way, bytes/s, such as 5760 for a 57600 baud radio.")
     ] = 0.0,
     logs: Annotated[
         list[str] | None,
@@ -101,7 +100,7 @@ def sim(
     operator_control: Annotated[
         bool,
         typer.Option(
-            "--operator-control", help="The vehicles say which ground station is in control (CONTROL_STATUS)."
+            "--operator-control", help="The vehicles report which ground station is in control (CONTROL_STATUS)."
         ),
     ] = False,
     remote_id: Annotated[bool, typer.Option("--remote-id", help="The vehicles have a Remote ID module.")] = False,

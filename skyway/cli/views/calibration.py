@@ -113,7 +113,7 @@ def tell_air(found: Air) -> None:
         from skyway.models.wind.triangle import speed_from
 
         speed, direction = (float(value) for value in speed_from(*found.wind))
-        typer.echo(f"  in this flight sure to ± {percent(found.sigma, 1)}; mean wind {wind_text(speed, direction)}")
+        typer.echo(f"  uncertainty in this flight ± {percent(found.sigma, 1)}; mean wind {wind_text(speed, direction)}")
 
 
 class FlightFit(msgspec.Struct, frozen=True, kw_only=True):

@@ -66,7 +66,7 @@ def print_dispatch(work: Work, plan: DispatchPlan) -> None:
         gap = (plan.cost_s - plan.bound_s) / plan.bound_s
         bound = f"; lower bound {duration(plan.bound_s)}, at most {percent(gap)} above it"
     say(f"Weighted cost {duration(plan.cost_s)}{bound}. "
-        f"Energy {watt_hours(plan.energy_j)} Wh; {plan.iterations} changes tried, {spent(plan.planning_time_s)}.")  # fmt: skip
+        f"Energy {watt_hours(plan.energy_j)} Wh; {plan.iterations} iterations, {spent(plan.planning_time_s)}.")  # fmt: skip
 
 
 def _due(due: datetime, zone: ZoneInfo, depart: datetime) -> str:

@@ -33,7 +33,8 @@ from skyway.planner.schedule.airspace_notes import WAITS
 if TYPE_CHECKING:
     from datetime import datetime
 
-    from skyway.models.composition.composition import Composition, DroneService, LegSegment, Stop
+    from skyway.models.composition.composition import Composition
+    from skyway.models.composition.service import DroneService, LegSegment, Stop
     from skyway.planner.report import PlanReport
     from skyway.planner.result import PlanResult
     from skyway.planner.robust.robust import RobustAnswer

@@ -1,4 +1,4 @@
-"""Drones that are planned separately: those that stand with a package on its way, and idle ones away from home."""
+"""Drones that are planned individually: those that stand with a package on its way, and idle ones away from home."""
 
 from __future__ import annotations
 
@@ -24,30 +24,30 @@ if TYPE_CHECKING:
     from skyway.planner.dispatch.result import Answer
 
 AGAIN_S = 600.0
-"""A drone whose flight on was not begun, or for which there is no way, is planned for again so often."""
+"""Interval, s, of new plans for a drone whose flight was not begun, or for which there is no route."""
 ITERATIONS = 20
 PATIENT_S = 86_400.0
-"""A package that is aboard is delivered however late."""
+"""A package on board is delivered however late."""
 WHOLE_DAY_S = 86_400.0
 
 
 class Alone:
-    """Moves drones on, each by a separate plan.
+    """Plans individual flights.
 
     Parameters
     ----------
     situation : Situation
-        What is known, and changed here.
+        The state, changed here.
     planner : FleetPlanner
-        Who plans.
+        The planner.
     promises : Promises
-        Who tells orders what becomes of them.
+        Answers to orders.
     bookings : Bookings
-        What is held on pads.
+        Bookings of pads.
     holder : str
         The dispatcher.
     say : callable
-        Takes lines for people.
+        Displays a line.
     """
 
     def __init__(
@@ -59,7 +59,7 @@ class Alone:
         self._tried_s: dict[tuple[str, str], float] = {}
 
     def note_packages(self, now_s: float, why: Reasons) -> None:
-        """Note whether a package is on board a standing drone, and it is time to plan for it."""
+        """Record whether a standing drone has a package on board and a plan is due."""
         situation = self._situation
         carriers = [
             one.drone for state, one in situation.orders.values() if state == "aboard" and one.drone in situation.drones
@@ -68,11 +68,11 @@ class Alone:
             why.general.append("a package is on board a standing drone")
 
     def _is_time(self, name: str, now_s: float) -> bool:
-        """Whether it is time to plan for a drone: where its flight on was not begun, the same is not tried again at once."""
+        """Whether a plan for a drone is due: after a flight that was not begun, the same is not tried again at once."""
         return now_s >= self._tried_s.get((name, self._situation.drones[name][1].place), -AGAIN_S) + AGAIN_S
 
     def bring_on(self, now_s: float) -> None:
-        """Plan for each drone that stands with a package, or away from home without anything to do."""
+        """Plan for each drone that stands with a package, or away from home without a task."""
         for name, (state, drone) in list(self._situation.drones.items()):
             if state != STANDING or drone.flight is not None:
                 continue
@@ -87,12 +87,12 @@ class Alone:
             self._plan(now_s, name, drone, order)
 
     def _plan(self, now_s: float, name: str, drone: DroneRecord, order: OrderRecord | None) -> None:
-        asked = _order_on(name, drone, now_s, order)
+        wanted = _order_on(name, drone, now_s, order)
         vehicle = replace(
             drone.vehicle, place=drone.place, soc=drone.soc, available_from=from_posix(now_s), available_to=None
         )
         made = self._planner.plan(
-            now_s, [asked], [vehicle], self._held(now_s), iterations=ITERATIONS, seed=0, max_late_s=PATIENT_S
+            now_s, [wanted], [vehicle], self._held(now_s), iterations=ITERATIONS, seed=0, max_late_s=PATIENT_S
         )
         route = made.routes.get(name, ())
         if order is None:
@@ -102,11 +102,11 @@ class Alone:
         elif route:
             drone.route = route
         else:
-            self._leave_aboard(name, drone, order, made.answers[asked.id])
+            self._leave_aboard(name, drone, order, made.answers[wanted.id])
         self._situation.change_drone(name, STANDING, drone)
 
     def _leave_aboard(self, name: str, drone: DroneRecord, order: OrderRecord, answer: Answer) -> None:
-        """Leave a package aboard until it is tried again; where that is hopeless, it is a person's."""
+        """Leave a package on board until the next attempt; if that is hopeless, hand it over to a person."""
         id_ = order.order.id
         order.reason = f"on board {name} at {drone.place}: {answer.reason}"
         if not answer.hopeless:
@@ -117,7 +117,7 @@ class Alone:
         self._say(f"{id_}: take it off {name} at {drone.place}")
 
     def _held(self, now_s: float) -> list[Hold]:
-        """Return what is planned around: pads out of order, those of others, and all that is wanted."""
+        """Return the windows to plan around: pads out of order, bookings of others, and all wanted windows."""
         own = [
             hold
             for itinerary, windows in wanted(self._situation, now_s).items()
@@ -127,7 +127,7 @@ class Alone:
 
 
 def _order_on(name: str, drone: DroneRecord, now_s: float, order: OrderRecord | None) -> Order:
-    """Return an order that brings a drone on: with the package that is aboard, or home without any."""
+    """Return an order that moves a drone: with the package on board, or home without one."""
     now = from_posix(now_s)
     if order is not None:
         due = max(order.order.due, from_posix(now_s + TURN_S))

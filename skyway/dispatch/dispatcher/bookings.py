@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from skyway.models.ledger.window import Window
 
 SAME_S = 1.0
-"""Windows whose ends differ by no more are the same."""
+"""Windows whose ends differ by no more than this are the same, s."""
 
 
 class Bookings:
@@ -25,26 +25,26 @@ class Bookings:
     Parameters
     ----------
     ledger : Ledger
-        Where it books.
+        Ledger of the bookings.
     holder : str
         The dispatcher.
     lease : callable
-        Returns its lease, which is still its own.
+        Returns its valid lease.
     pads : mapping
-        How many pads each station has.
+        Number of pads of each station.
     """
 
     def __init__(self, ledger: Ledger, holder: str, lease: Callable[[], Lease], pads: Mapping[str, int]) -> None:
         self._ledger, self._holder, self._lease, self._pads = ledger, holder, lease, pads
 
     def of_others(self, now_s: float) -> list[Hold]:
-        """Return what others hold from an instant on."""
+        """Return the windows held by others from an instant on."""
         return [one for one in self._ledger.holds(begin=from_posix(now_s)) if one.holder != self._holder]
 
     def bring_up_to_date(self, wanted: Mapping[str, Sequence[Window]], now_s: float) -> None:
-        """Book what is wanted in place of what is held; what is over is released.
+        """Book the wanted windows in place of the held ones; past windows are released.
 
-        A `TakenError` says that another holder has booked a pad meanwhile: what was to be booked there is not.
+        A `TakenError`: another holder has booked a pad meanwhile, and the itinerary there is not booked.
         """
         lease = self._lease()
         held: dict[str, list[Hold]] = {}

@@ -1,4 +1,4 @@
-"""Legs refused by the preflight check, excluded from plans for a while."""
+"""Legs refused by the preflight check, excluded from plans for some time."""
 
 from __future__ import annotations
 
@@ -15,18 +15,20 @@ if TYPE_CHECKING:
     from skyway.planner.dispatch.flights import Leg
 
 LEG_CLOSED_S = 600.0
-"""A leg that was not begun is closed for so long at least."""
+"""Least time for which a leg that was not begun is closed, s."""
 
 
 class ClosedLegs:
-    """Legs that are not planned before the next hour of the forecast, by type of drone: the same would not be begun again; forgotten with the process, then refused again.
+    """Legs that are excluded from plans until the next hour of the forecast, by type of drone, because the check would refuse them again.
+
+    The list is not stored: after a restart of the process they are refused again.
 
     Parameters
     ----------
     forecast : callable
-        Takes POSIX seconds, returns the forecast that is known then.
+        Takes POSIX seconds, returns the forecast known at that time.
     say : callable
-        Takes lines for people.
+        Displays a line.
     """
 
     def __init__(self, forecast: Callable[[float], WindEnsemble], say: Callable[[str], None]) -> None:
@@ -34,7 +36,7 @@ class ClosedLegs:
         self._until_s: dict[Leg, float] = {}
 
     def close(self, kind: str, steps: Sequence[PlanStep], station: str, now_s: float) -> None:
-        """Close the leg of a flight on which a drone of a type was to leave a station, where there is one."""
+        """Close the leg by which the flight of a drone of a type was to leave a station, if there is one."""
         flown = next((one for one in steps if one.kind == "fly" and one.origin == station), None)
         if flown is None:
             return
@@ -45,6 +47,6 @@ class ClosedLegs:
         self._say(f"{kind}: {station} to {flown.destination} is not planned for {duration(until_s - now_s)}")
 
     def at(self, now_s: float) -> dict[Leg, float]:
-        """Return what is closed at a time, and until when."""
+        """Return the legs closed at a time, and the end of each closure."""
         self._until_s = {leg: until_s for leg, until_s in self._until_s.items() if until_s > now_s}
         return dict(self._until_s)

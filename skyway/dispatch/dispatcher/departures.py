@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from skyway.models.composition.composition import Composition
 
 TRIES = 3
-"""An order whose flights cannot be composed so often is refused."""
+"""Number of failed compositions after which an order is refused."""
 
 
 class Departures:
@@ -32,15 +32,15 @@ class Departures:
     Parameters
     ----------
     situation : Situation
-        What is known, and changed here.
+        The state, changed here.
     promises : Promises
-        Who tells orders what becomes of them.
+        Answers to orders.
     region, air : Region, FleetForecast
-        Where it is, and in which wind.
+        Region and forecast.
     legs : ClosedLegs
-        Legs that are not planned.
+        Closed legs.
     workers : sequence of str
-        Who flights are given to.
+        Names of the workers.
     """
 
     def __init__(
@@ -51,7 +51,7 @@ class Departures:
         self._failed: dict[str, int] = {}
 
     def begin_due(self, now_s: float) -> None:
-        """Give flights that are due to workers, each to who has the fewest."""
+        """Give due flights to workers, each to the one with the fewest."""
         situation = self._situation
         load = dict.fromkeys(self._workers, 0)
         for name in situation.flights:
@@ -101,7 +101,7 @@ class Departures:
         )
 
     def _take_problem(self, now_s: float, name: str, drone: DroneRecord, part: PlannedPart, problem: str) -> None:
-        """Take a flight back that cannot be flown as it was planned; after some times its order is refused, or left to a person."""
+        """Take back a flight that cannot be flown as planned; after `TRIES` failures its order is refused, or handed over to a person."""
         situation = self._situation
         drone.route = ()
         situation.change_drone(name, STANDING, drone)

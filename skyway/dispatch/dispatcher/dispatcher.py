@@ -36,19 +36,19 @@ class Dispatcher:
     Parameters
     ----------
     region : Region
-        Where it is, and in which wind.
+        Region and weather.
     desk : Desk
-        Its desk; its ledger is that of the bookings.
+        Its desk, in the ledger of the bookings.
     leases : KeptLeases
-        Which keep its lease.
+        The leases of this process.
     workers : int
-        To how many workers flights are given.
+        Number of workers.
     plan_s, iterations : float, int
-        How long a plan is bettered, of the wall's time, or by how many changes tried.
+        Limit of the search for a plan: wall time, s, or iterations.
     say : callable
-        Takes lines for people.
+        Displays a line.
     service : PadService, optional
-        The pads, to ask who stands there; without it strangers are expected as usual.
+        The pads, for the drones on them; without it the expected number of other drones is assumed.
     """
 
     def __init__(
@@ -71,7 +71,7 @@ class Dispatcher:
         self._departures = Departures(situation, promises, region, air, legs, names)
 
     def step(self, now_s: float) -> None:
-        """Look at what has happened, and do what is due."""
+        """Process new events, and do the due work."""
         why = Reasons()
         self._situation.read()
         self._air.hear(one for _, one in self._situation.flights.values())
@@ -91,11 +91,11 @@ class Dispatcher:
 
     @property
     def busy(self) -> bool:
-        """Whether any order is open, or any drone has something to do."""
+        """Whether any order is open, or any drone has a task."""
         return self._situation.busy
 
     def _lease(self) -> Lease:
-        """Return its lease; a `FencedError` says that another dispatcher has taken over."""
+        """Return its lease; a `FencedError`: another dispatcher has taken over."""
         self._leases.confirm(self._desk.dispatcher)
         kept = self._leases.kept(self._desk.dispatcher)
         if kept is None:

@@ -21,26 +21,26 @@ if TYPE_CHECKING:
     from skyway.models.scenario.scenario import Scenario
 
 LATE_S = 120.0
-"""A flight that is later by so much than was planned with is replanned around."""
+"""Delay of a flight beyond that already planned with that causes a replan, s."""
 HELD_UP_S = {"holding": 900.0, "lost-link": 900.0, "preparing": 7200.0}
-"""A drone that was held up, out of contact, or did not take off for so long is left to a person."""
+"""Time, s, after which a drone that is held up, out of contact, or did not take off is handed over to a person."""
 
 
 class Events:
-    """Takes what has happened into the situation, and what of it is a reason to replan.
+    """Updates the state with new events, and collects reasons to replan.
 
     Parameters
     ----------
     situation : Situation
-        What is known, and changed here.
+        The state, changed here.
     promises : Promises
-        Who tells orders what becomes of them.
+        Answers to orders.
     legs : ClosedLegs
-        Legs that are not planned.
+        Closed legs.
     scenario : Scenario
-        Where orders must fit in.
+        Region of the orders.
     say : callable
-        Takes lines for people.
+        Displays a line.
     """
 
     def __init__(
@@ -51,7 +51,7 @@ class Events:
         self._pads_known: dict[str, str] | None = None
 
     def take_ends(self, now_s: float, why: Reasons) -> None:
-        """Take flights that have ended."""
+        """Process flights that have ended."""
         for name, (state, flight) in list(self._situation.flights.items()):
             if state == "ended" and flight.end is not None:
                 self._take_end(now_s, name, flight, flight.end, why)
@@ -68,9 +68,9 @@ class Events:
             drone.route = ()
         elif not end.arrived:
             why.of_drone[flight.drone] = f"{flight.drone} stopped at {end.station}: {end.reason}"
-            drone.route = ()  # what was to come after it; its pads are free for others, and for itself
+            drone.route = ()  # the steps after it; its pads are free for others, and for itself
             self._legs.close(flight.type, flight.steps, drone.place, now_s)
-        if flight.order is not None and flight.order in situation.orders:  # else it was given up before
+        if flight.order is not None and flight.order in situation.orders:  # otherwise it was cancelled before
             self._take_end_of_order(flight.order, flight, end, safe=safe)
         situation.change_drone(flight.drone, STANDING if safe else LOST, drone)
         situation.close_flight(name)
@@ -94,7 +94,7 @@ class Events:
         elif end.arrived or not safe or end.station is None:
             order.reason = f"{flight.drone}, {end.state}: {end.reason}"
             self._promises.hand_over(name, order)
-        elif end.station == order.order.destination:  # there is no way that is left to be flown
+        elif end.station == order.order.destination:  # no flyable leg is left
             order.reason = f"on board {flight.drone}, which stands at {end.station} already: {end.reason}"
             self._promises.hand_over(name, order)
         else:
@@ -103,7 +103,7 @@ class Events:
             situation.change_order(name, "aboard", order)
 
     def take_delays(self, now_s: float, why: Reasons) -> None:
-        """Take flights that are later than they were, and drones that were held up for too long."""
+        """Process increased delays of flights, and drones that were held up for too long."""
         situation = self._situation
         for name, (_, flight) in situation.flights.items():
             late_s = max(flight.late_s, now_s - flight.end_s if flight.progress is None else 0.0)
@@ -112,18 +112,18 @@ class Events:
             if late_s - situation.late_s.get(name, 0.0) >= LATE_S:
                 situation.late_s[name] = late_s
                 why.of_drone[flight.drone] = f"{flight.drone} is {duration(late_s)} late"
-            told = flight.progress
+            progress = flight.progress
             state, drone = situation.drones[flight.drone]
-            longest_s = math.inf if told is None else HELD_UP_S.get(told.state, math.inf)
-            if told is not None and now_s > told.since_s + longest_s and state != LOST:
-                reason = f"{told.state} for {duration(now_s - told.since_s)}"
+            longest_s = math.inf if progress is None else HELD_UP_S.get(progress.state, math.inf)
+            if progress is not None and now_s > progress.since_s + longest_s and state != LOST:
+                reason = f"{progress.state} for {duration(now_s - progress.since_s)}"
                 self._lose(flight.drone, drone, reason, reason, why)
                 situation.change_drone(flight.drone, LOST, drone)
                 if flight.order is not None and flight.order in situation.orders:
                     self._take_from(flight.order, flight, reason)
 
     def _take_from(self, name: str, flight: FlightRecord, reason: str) -> None:
-        """Take an order from a drone that was held up; a package that is aboard is a person's."""
+        """Take an order from a drone that was held up; a package on board is handed over to a person."""
         order = self._situation.orders[name][1]
         order.reason = f"{flight.drone}: {reason}"
         if flight.phase == WITH_PACKAGE:
@@ -133,7 +133,7 @@ class Events:
             self._situation.change_order(name, "new", order)
 
     def take_orders(self, why: Reasons) -> None:
-        """Take orders that have come; those that fit no drone, or name no place, are refused."""
+        """Process new orders; those that fit no drone, or have an unknown place, are refused."""
         situation = self._situation
         fresh = [
             name
@@ -157,7 +157,7 @@ class Events:
             why.general.append(f"order {name} came")
 
     def take_pads(self, now_s: float, why: Reasons) -> None:
-        """Take pads that are out of order now, and those that are back."""
+        """Process pads that are newly out of order, and those that are back in service."""
         out = {
             name: f"{one.station} {one.pad}"
             for name, (_, one) in self._situation.pads.items()

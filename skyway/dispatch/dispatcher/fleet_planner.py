@@ -28,34 +28,34 @@ if TYPE_CHECKING:
     from skyway.planner.dispatch.result import Answer
 
 TURN_S = 60.0
-"""From a landing to when the next flight can begin."""
+"""Time from a landing until the next flight can begin, s."""
 NEVER_REFUSED_S = 1e7
-"""What refusing it would cost: more than any lateness of a day."""
+"""Cost of refusing such an order, s: more than any delay within a day."""
 
 
 @dataclass(frozen=True)
 class Planned:
-    """A plan as the desk takes it: routes by drone, answers by order."""
+    """A plan in the form of the desk: routes by drone, answers by order."""
 
     routes: dict[str, tuple[PlannedPart, ...]]
     answers: dict[str, Answer]
 
 
 class FleetPlanner:
-    """Plans in the region of a service, in the wind as the fleet knows it, without the legs that are closed.
+    """Plans in the region of a service, in the fleet's forecast, without closed legs.
 
     Parameters
     ----------
     region : Region
-        Where it is.
+        The region.
     air : FleetForecast
-        The wind.
+        The forecast.
     legs : ClosedLegs
-        Legs that are not planned.
+        Closed legs.
     pads : SeenStrangers
-        Who else is on the pads.
+        Other drones on the pads.
     time_limit_s : float
-        How long a plan is bettered, of the wall's time.
+        Wall time of the search.
     """
 
     def __init__(self, region: Region, air: FleetForecast, legs: ClosedLegs, pads: SeenStrangers, time_limit_s: float) -> None:  # fmt: skip
@@ -75,10 +75,10 @@ class FleetPlanner:
         once_promised: Collection[str] = (),
         max_late_s: float | None = None,
     ) -> Planned:
-        """Plan around the windows that are held; the search begins with the routes that are kept.
+        """Plan around held windows; the search begins with the kept routes.
 
-        `promised` has what was promised, `once_promised` orders that were promised anything ever; with `max_late_s` an order may be so
-        late, and is served wherever it can be.
+        `promised` has the promised times, `once_promised` all orders that ever had a promise; `max_late_s` is the permitted delay, s;
+        orders are then served whenever that is possible.
         """
         region = self._region
         ends = tuple(place for one in orders for place in (one.origin, one.destination))
@@ -104,7 +104,7 @@ class FleetPlanner:
 
 
 def available(situation: Situation, now_s: float) -> dict[str, Vehicle]:
-    """Return the drones that can be planned with, each where and when its flight under way will be over."""
+    """Return the drones available for planning, each with place and time of the end of its present flight."""
     found = {}
     for name, (state, drone) in situation.drones.items():
         if state == LOST or drone.aboard is not None:
@@ -125,7 +125,7 @@ def available(situation: Situation, now_s: float) -> dict[str, Vehicle]:
 
 
 def _part_of(flight: PlannedFlight) -> PlannedPart:
-    """Return a part of a route as the desk keeps it."""
+    """Return a part of a route in the form of the desk."""
     steps = tuple(
         PlanStep(
             kind=one.kind, origin=one.origin, destination=one.destination, begin_s=one.begin.timestamp(), end_s=one.end.timestamp(),
@@ -137,7 +137,7 @@ def _part_of(flight: PlannedFlight) -> PlannedPart:
 
 
 def step_of(one: PlanStep, part: PlannedPart) -> Step:
-    """Return a step as the planner has it."""
+    """Return a step in the form of the planner."""
     return Step(
         kind=one.kind, order=part.order, phase=part.phase, origin=one.origin, destination=one.destination,  # type: ignore[arg-type]
         begin=from_posix(one.begin_s), end=from_posix(one.end_s), soc_begin=one.soc_begin, soc_end=one.soc_end, pad=one.pad,

@@ -1,4 +1,4 @@
-"""Answers to orders: promised, changed with a reason, refused, or handed to a person."""
+"""Answers to orders: promised, changed with a reason, refused, or handed over to a person."""
 
 from __future__ import annotations
 
@@ -25,16 +25,16 @@ class Promises:
     Parameters
     ----------
     situation : Situation
-        What is known, and changed here.
+        The state, changed here.
     say : callable
-        Takes lines for people.
+        Displays a line.
     """
 
     def __init__(self, situation: Situation, say: Callable[[str], None]) -> None:
         self._situation, self._say = situation, say
 
     def answer(self, now_s: float, name: str, answer: Answer, why: Reasons) -> None:
-        """Tell an order what a plan makes of it."""
+        """Answer an order according to a plan."""
         situation = self._situation
         state, order = situation.orders[name]
         before, after = order.promise, _promise_of(answer)
@@ -65,36 +65,36 @@ class Promises:
         situation.change_order(name, state if flying else "promised" if after is not None else "new", order)
 
     def refuse(self, name: str, order: OrderRecord) -> None:
-        """Refuse an order, for the reason that it has."""
+        """Refuse an order, with its stored reason."""
         self._say(f"{name} refused: {order.reason}")
         self._situation.change_order(name, "refused", order)
 
     def hand_over(self, name: str, order: OrderRecord) -> None:
-        """Leave an order to a person, for the reason that it has."""
+        """Hand an order over to a person, with its stored reason."""
         self._say(f"{name} needs a person: {order.reason}")
         self._situation.change_order(name, "handed to a person", order)
 
     def refuse_too_late(self, now_s: float, weigh: DispatchParameters) -> None:
-        """Refuse what can no longer be served in its time."""
+        """Refuse orders that can no longer be delivered in time."""
         for name, (state, order) in list(self._situation.orders.items()):
             if state == "new" and now_s > latest_s(order.order, weigh, promised=order.first is not None):
                 self.refuse(name, order)
 
 
 def _promise_of(answer: Answer) -> Promise | None:
-    """Return what an order is told; None where it is not served."""
+    """Return the promise to an order; None if it is not served."""
     if answer.drone is None or answer.fetched is None or answer.delivered is None:
         return None
-    told = answer.outlook
+    outlook = answer.outlook
     return Promise(
         drone=answer.drone, fetched_s=answer.fetched.timestamp(), delivered_s=answer.delivered.timestamp(),
-        chance=None if told is None else told.chance, p50_s=None if told is None or told.p50 is None else told.p50.timestamp(),
-        p95_s=None if told is None or told.p95 is None else told.p95.timestamp(),
+        chance=None if outlook is None else outlook.chance, p50_s=None if outlook is None or outlook.p50 is None else outlook.p50.timestamp(),
+        p95_s=None if outlook is None or outlook.p95 is None else outlook.p95.timestamp(),
     )  # fmt: skip
 
 
 def _changed(before: Promise | None, after: Promise | None) -> str:
-    """Say how a promise changes for who was given it; nothing where it does not."""
+    """Describe the change of a promise to its recipient; empty if nothing changes."""
     if before is None:
         return ""
     if after is None:

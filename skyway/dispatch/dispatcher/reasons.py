@@ -1,4 +1,4 @@
-"""Reasons for replanning, in the words of a changed promise."""
+"""Reasons for replanning, as stated with a changed promise."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ if TYPE_CHECKING:
 
 @dataclass
 class Reasons:
-    """Why it is replanned: sentences, those that concern a drone by its id."""
+    """Reasons for a replan: sentences; those that concern one drone by its id."""
 
     general: list[str] = field(default_factory=list)
     of_drone: dict[str, str] = field(default_factory=dict)
@@ -20,7 +20,7 @@ class Reasons:
         return bool(self.general or self.of_drone)
 
     def why(self, drones: Sequence[str]) -> str:
-        """Return why a promise of some drones was changed."""
+        """Return the reason for changing the promise of some drones."""
         own = [self.of_drone[one] for one in drones if one in self.of_drone]
         found = own or self.general or list(self.of_drone.values())
         more = f"; and {len(found) - 2} more reasons" if len(found) > 2 else ""

@@ -21,27 +21,27 @@ if TYPE_CHECKING:
     from skyway.models.ledger.ledger import Hold
 
 RETRY_S = 600.0
-"""Orders that are not promised are tried again so often."""
+"""Interval of new attempts for orders without a promise, s."""
 ROUNDS = 5
 
 
 class Replanning:
-    """Plans all orders that are open with all drones that are free, or will be.
+    """Plans all open orders with all drones that are available, or will be.
 
     Parameters
     ----------
     situation : Situation
-        What is known, and changed here.
+        The state, changed here.
     planner : FleetPlanner
-        Who plans.
+        The planner.
     promises : Promises
-        Who tells orders what becomes of them.
+        Answers to orders.
     bookings : Bookings
-        What is held on pads.
+        Bookings of pads.
     holder : str
         The dispatcher.
     iterations : int
-        By how many changes a plan is bettered.
+        Iterations of the search.
     """
 
     def __init__(self, situation: Situation, planner: FleetPlanner, promises: Promises, bookings: Bookings, holder: str, iterations: int) -> None:  # fmt: skip
@@ -51,13 +51,13 @@ class Replanning:
         self._plans = 0
 
     def note_waiting(self, now_s: float, why: Reasons) -> None:
-        """Note whether orders wait for a promise, and it is time to try them again."""
+        """Record whether orders wait for a promise and a new attempt is due."""
         waiting = any(state == "new" for state, _ in self._situation.orders.values())
         if waiting and (self._planned_s is None or now_s >= self._planned_s + RETRY_S):
             why.general.append("orders wait for a promise")
 
     def replan(self, now_s: float, why: Reasons) -> None:
-        """Replan around what flies, and book it; a `TakenError` says that others book faster than this one plans."""
+        """Replan around present flights, and book; a `TakenError`: others book faster than this dispatcher plans."""
         self._planned_s = now_s
         self._plans += 1
         for number in range(ROUNDS):
@@ -71,7 +71,7 @@ class Replanning:
                 return
 
     def _held(self, now_s: float) -> list[Hold]:
-        """Return what is planned around: pads out of order, those of others, of flights, and of drones that are planned for alone."""
+        """Return the windows to plan around: pads out of order, those of others, of flights, and of drones that are planned individually."""
         situation = self._situation
         flying = [
             hold
@@ -115,7 +115,7 @@ class Replanning:
             self._promises.answer(now_s, name, made.answers[name], why)
 
     def _take_route(self, name: str, route: tuple[PlannedPart, ...]) -> None:
-        """Give a drone its route; who has none goes on home where it was on its way."""
+        """Give a drone its route; one without a route continues home if it was on its way there."""
         state, drone = self._situation.drones[name]
         if route or not _goes_home_only(drone):
             drone.route = route

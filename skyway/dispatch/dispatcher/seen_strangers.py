@@ -1,4 +1,4 @@
-"""Strangers on the pads, as a dispatcher sees them: what the pads report, without its own drones."""
+"""Other drones on the pads, as reported by the pads, without those of this dispatcher."""
 
 from __future__ import annotations
 
@@ -12,31 +12,31 @@ if TYPE_CHECKING:
     from skyway.models.queues.pad_service import PadService, StationStatus
     from skyway.models.scenario.scenario import Scenario
 
-ASKED_S = 300.0
-"""So often, of its own time, all stations are asked at most."""
+REQUEST_INTERVAL_S = 300.0
+"""Shortest interval of requests to all stations, s of the service's time."""
 
 
 class SeenStrangers:
-    """Asks the pads of a region who stands there.
+    """Requests the drones on the pads of a region.
 
     Parameters
     ----------
     scenario : Scenario
         The region.
     service : PadService or None
-        Who is asked; without it nothing is seen.
+        The pad service; without it there are no reports.
     """
 
     def __init__(self, scenario: Scenario, service: PadService | None) -> None:
         self._service = service
         self._stations = [one.id for one in scenario.network.stations if one.pads]
-        self._asked_s, self._seen = -math.inf, NOTHING_SEEN
+        self._requested_s, self._seen = -math.inf, NOTHING_SEEN
 
     def at(self, now_s: float) -> PadsSeen:
-        """Return who is there, as it was seen at most `ASKED_S` ago; stations that do not answer are not in it."""
-        if self._service is None or now_s < self._asked_s + ASKED_S:
+        """Return the reported drones, at most `REQUEST_INTERVAL_S` old; stations that do not answer are absent."""
+        if self._service is None or now_s < self._requested_s + REQUEST_INTERVAL_S:
             return self._seen
-        self._asked_s = now_s
+        self._requested_s = now_s
         found: dict[str, int] = {}
         for station in self._stations:
             try:
@@ -48,6 +48,6 @@ class SeenStrangers:
 
 
 def strangers_in(status: StationStatus) -> int:
-    """Drones on the pads and in line that are not ours."""
+    """Number of drones on the pads and in line that are not of this fleet."""
     ours = sum(one.state != "absent" for one in status.drones)
     return max(status.present - ours, 0)

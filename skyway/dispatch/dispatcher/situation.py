@@ -1,4 +1,4 @@
-"""The knowledge of a dispatcher: orders, drones, flights and pads out of order, as on the desk and as changed by a step."""
+"""The state of a dispatcher: orders, drones, flights and pads out of order, as on the desk and as changed by a step."""
 
 from __future__ import annotations
 
@@ -22,18 +22,18 @@ if TYPE_CHECKING:
 
 
 class Situation:
-    """Knowledge of the dispatcher, each entry with its state, by its id; changes are written together.
+    """State of the dispatcher, each entry with its own state, by its id; changes are written together.
 
     Attributes
     ----------
     orders : dict
-        Those that are open, and those that were closed in this step.
+        Open orders, and those closed in this step.
     drones, pads : dict
         All drones; pads that are out of order, or will be.
     flights : dict
-        Those that are not closed.
+        Flights that are not closed.
     late_s : dict
-        How late a flight is, as far as it was replanned around.
+        Delay of each flight already planned with.
     """
 
     def __init__(self, desk: Desk) -> None:
@@ -45,7 +45,7 @@ class Situation:
         self.late_s: dict[str, float] = {}
 
     def read(self) -> None:
-        """Read the desk; what was changed and not written is forgotten."""
+        """Read the desk; changes that were not written are dropped."""
         board = self.board
         board.forget_changes()
         self.orders = board.read("order", OrderRecord, OPEN)
@@ -77,18 +77,18 @@ class Situation:
         self.change_drone(drone, FLYING, of)
 
     def close_flight(self, name: str) -> None:
-        """Put a flight away whose end was looked at."""
+        """Close a flight whose end was processed."""
         self.board.change("flight", name, "closed", self.flights.pop(name)[1])
         self.late_s.pop(name, None)
 
     @property
     def next_flight(self) -> int:
-        """Number of the next flight."""
+        """Return the number of the next flight."""
         return self.board.count("flight") + 1
 
     @property
     def busy(self) -> bool:
-        """Whether any order is open, or any drone has something to do."""
+        """Whether any order is open, or any drone has a task."""
         open_orders = any(state in OPEN for state, _ in self.orders.values())
         moving = any(state != LOST and (one.flight is not None or one.route) for state, one in self.drones.values())
         return open_orders or moving or bool(self.flights)

@@ -1,4 +1,4 @@
-"""Windows of pads: of flights under way, of routes, and of pads out of order; as holds, and separated from each other."""
+"""Windows of pads: of flights under way, of routes, and of pads out of order; as holds, and made disjoint."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 def committed(situation: Situation, now_s: float) -> dict[str, list[Window]]:
-    """Return the windows of flights that have begun, by the itinerary they are booked as."""
+    """Return the windows of flights that have begun, by the id of their booking."""
     found: dict[str, list[Window]] = {}
     for name, (_, flight) in situation.flights.items():
         windows = windows_of(flight.steps, situation.late_s.get(name, 0.0), not_before_s=now_s)
@@ -26,7 +26,7 @@ def committed(situation: Situation, now_s: float) -> dict[str, list[Window]]:
 
 
 def wanted(situation: Situation, now_s: float) -> dict[str, list[Window]]:
-    """Return the windows that are to be booked, by itinerary: those of flights that have begun, and those of all routes."""
+    """Return the windows to be booked, by itinerary: those of flights that have begun, and those of all routes."""
     found = committed(situation, now_s)
     for name, (_, drone) in situation.drones.items():
         last = None
@@ -50,7 +50,7 @@ def _itinerary(order: str | None, drone: str) -> str:
 
 
 def windows_of(steps: Sequence[PlanStep], late_s: float = 0.0, *, not_before_s: float = 0.0) -> list[Window]:
-    """Return the windows of pads of some steps that are not over, as late as they are; a drone that charges twice in a row has one pad at a time."""
+    """Return the windows of some steps that are not over, with their delay; a drone that charges twice in a row has one pad at a time."""
     found = []
     before: PlanStep | None = None
     for one in steps:
@@ -67,16 +67,16 @@ def windows_of(steps: Sequence[PlanStep], late_s: float = 0.0, *, not_before_s: 
 
 
 def as_holds(itinerary: str, windows: Sequence[Window], holder: str) -> list[Hold]:
-    """Return windows as a planner takes what is held."""
+    """Return windows as holds of the planner."""
     return [Hold(itinerary, 0, number, one, "firm", holder, 0) for number, one in enumerate(windows, 1)]
 
 
 def apart(
     wanted: Mapping[str, Sequence[Window]], pads: Mapping[str, int], taken: Sequence[Window] = ()
 ) -> dict[str, list[Window]]:
-    """Put windows that overlap on one pad onto another one of the station, or behind each other.
+    """Move windows that overlap on one pad to another pad of the station, or behind each other.
 
-    Flights that are late may want a pad that another was to have by then: who is first has it, as on the ground.
+    A late flight may need a pad that is planned for another flight: the first to arrive has it, as on the ground.
     """
     placed: list[Window] = list(taken)
     found: dict[str, list[Window]] = {name: [] for name in wanted}
@@ -99,7 +99,7 @@ def apart(
 
 
 def _behind(window: Window, placed: Sequence[Window]) -> Window:
-    """Return a window as late as those before it make it."""
+    """Return a window delayed by those before it."""
     while True:
         met = [one.end for one in placed if window.touches(one)]
         if not met:

@@ -7,7 +7,9 @@ from typing import TYPE_CHECKING
 
 from skyway.models.base import geodesy
 from skyway.models.base.units import from_posix
-from skyway.models.composition.composition import ArrivalDistribution, Composition, DroneService, Place, Stop
+from skyway.models.composition.composition import Composition
+from skyway.models.composition.distributions import ArrivalDistribution
+from skyway.models.composition.service import DroneService, Place, Stop
 from skyway.models.wind.summary import Wind, summary_of
 from skyway.recharge.summary import phases_of
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from skyway.models.base import geodesy
 from skyway.models.flight.rules import FlightRules
-from skyway.models.network.network import Station
+from skyway.models.network.station import Station
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -17,7 +17,7 @@ from skyway.missions.checks.route import fly
 from skyway.models.base.errors import InputError
 from skyway.models.base.files import write_atomically
 from skyway.models.network.files import read_stations, stations_csv
-from skyway.models.network.network import Station
+from skyway.models.network.station import Station
 from skyway.recharge.asking import Asked, options_of, pads_of, region_of, stands_of, with_home
 from skyway.recharge.made_of import MadeOf, texts_of
 from skyway.recharge.output import names_of, write_folder

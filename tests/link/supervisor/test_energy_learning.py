@@ -29,7 +29,7 @@ class Delivery:
         """On a pad."""
         self.battery.compare(self.ctx, self.true_soc if self.said else math.nan)
         self.battery.measured(soc)
-        self.true_soc = self.battery.told_soc = soc
+        self.true_soc = self.battery.reported_soc = soc
 
     def fly(self, modelled, ratio=1.0, *, charged=True, seen=True):
         """A flight that takes `ratio` of what the model says, of a nameplate battery; its beginning is `seen`."""
@@ -37,7 +37,7 @@ class Delivery:
             self.battery.begin_flight(charged=charged)
         begun = self.battery.soc
         self.true_soc -= ratio * modelled / self.share
-        self.battery.told_soc -= ratio * modelled
+        self.battery.reported_soc -= ratio * modelled
         self.battery.soc -= self.energy.gauge * ratio * modelled
         leg = SimpleNamespace(soc_start=begun, modelled=SimpleNamespace(total=modelled, per_s=0.001))
         self.energy.learn(self.ctx, leg)

@@ -34,7 +34,7 @@ class People:
 
     ask = tell
 
-    def heard(self):
+    def next_input(self):
         return self.due.popleft() if self.due else None
 
     def say(self, word, who=ANNA, **more):
@@ -43,9 +43,9 @@ class People:
 
     def tick(self, context):
         talk = context.conversation
-        if talk.question and talk.asked_n != self.answered:
-            self.answered = talk.asked_n
-            self.say("yes", about=talk.asked_n)
+        if talk.question and talk.question_n != self.answered:
+            self.answered = talk.question_n
+            self.say("yes", about=talk.question_n)
         if self.script and self.script[0][0](context):
             for one in self.script.popleft()[1:]:
                 self.say(*one) if isinstance(one, tuple) else self.due.append(one)
@@ -167,12 +167,12 @@ def test_a_file_of_requests_gives_each_line_once_whatever_else_is_in_it(tmp_path
     request(path, Request(id="2", word="divert columbia", who="b", name="Ben", time_s=time.time(), about=7))
     with path.open("ab") as raw:
         raw.write(b'{"id":"3","word":"go","who":"a","na')
-    found = [said for _ in range(9) if (said := file.heard()) is not None]
+    found = [said for _ in range(9) if (said := file.next_input()) is not None]
     assert [(said.id, said.word, said.name, said.about) for said in found] == [
         ("1", "pause", "Anna", None), ("2", "divert columbia", "Ben", 7),
     ]  # fmt: skip
     assert 4.0 < found[0].age_s < 60.0
     with path.open("ab") as raw:
         raw.write(b'me":"Anna","time_s":0}\n')
-    assert file.heard().id == "3"
-    assert file.heard() is None
+    assert file.next_input().id == "3"
+    assert file.next_input() is None

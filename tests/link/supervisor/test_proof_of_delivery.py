@@ -10,7 +10,8 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from benchmarks.link.deliveries import Stage, Story
-from benchmarks.link.proof import FAILURES, Judged, deliver
+from benchmarks.link.proof.cases import FAILURES, deliver
+from benchmarks.link.proof.run import Judged
 from skyway.link.supervisor import read_journal
 from skyway.link.supervisor.journal.entries import Proved
 from skyway.link.supervisor.proof.evidence import Evidence, Verdict, judge

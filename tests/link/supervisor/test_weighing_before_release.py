@@ -7,8 +7,8 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from benchmarks.link.proof import HEIGHT_M
-from benchmarks.link.proof_far import far
+from benchmarks.link.proof.far import far
+from benchmarks.link.proof.missions import HEIGHT_M
 from skyway.link.supervisor.proof.evidence import Evidence, Verdict, judge
 from skyway.link.supervisor.proof.tilt_airspeed import TiltAirspeed
 from skyway.link.supervisor.proof.weighing import Scale

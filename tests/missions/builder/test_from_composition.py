@@ -19,9 +19,10 @@ from skyway.missions.autopilots.registry import FAMILIES
 from skyway.missions.items.commands import Command
 from skyway.models.base import geodesy
 from skyway.models.base.errors import InputError
-from skyway.models.composition.composition import Place, Stop, WayBack
+from skyway.models.composition.composition import WayBack
+from skyway.models.composition.service import Place, Stop
 from skyway.models.drones.drone import M200_V2
-from skyway.models.network.network import Station
+from skyway.models.network.station import Station
 
 PX4, ARDUPILOT = family_named("px4"), family_named("ardupilot")
 BOTH = pytest.mark.parametrize("autopilot", list(FAMILIES.values()), ids=list(FAMILIES))

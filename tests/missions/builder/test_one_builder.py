@@ -13,7 +13,7 @@ import pytest
 from skyway.link.supervisor.legs import plan_leg, turn_leg
 from skyway.missions import MissionOptions, armed_mission, family_named, leg_mission, whole_mission
 from skyway.missions.items.commands import Command
-from skyway.models.composition.composition import Place, Stop
+from skyway.models.composition.service import Place, Stop
 from skyway.models.flight.heights import cleared_grounds_m, wind_factors
 from skyway.models.flight.rules import FlightRules
 

@@ -17,7 +17,7 @@ from skyway.models.base.errors import InputError
 from skyway.models.base.json_text import json_text
 from skyway.models.composition.composition import State
 from skyway.models.composition.file import from_json, to_json
-from skyway.models.network.network import ConnectionRule, Station
+from skyway.models.network.station import ConnectionRule, Station
 from skyway.models.scenario.ground import over_terrain
 from skyway.models.wind.forecast import constant_wind
 from skyway.planner.plan import plan

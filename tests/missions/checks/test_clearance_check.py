@@ -20,9 +20,9 @@ from skyway.missions.items.commands import Command
 from skyway.missions.items.coordinates import Point
 from skyway.missions.items.mission import Home, Mission, MissionItem
 from skyway.models.base.geodesy import along
-from skyway.models.composition.composition import Place
+from skyway.models.composition.service import Place
 from skyway.models.drones.drone import M200_V2
-from skyway.models.network.network import Station
+from skyway.models.network.station import Station
 
 HOME = Home(Point.of_degrees(46.0, 8.0), 80.0)
 STATIONS = (Station("a", "a", 46.0, 8.0, 80.0, pads=2), Station("b", "b", 46.0, 8.1, 2.0, pads=2))

@@ -20,7 +20,7 @@ from skyway.models.composition.composition import State
 from skyway.models.drones.drone import M200_V2
 from skyway.models.flight.kernels import land
 from skyway.models.flight.rules import air_over
-from skyway.models.network.network import ConnectionRule, Station
+from skyway.models.network.station import ConnectionRule, Station
 from skyway.models.wind.forecast import constant_wind
 from skyway.planner.plan import plan
 from skyway.planner.problem.request import Request

@@ -18,7 +18,7 @@ from skyway.models.base.json_text import plain
 from skyway.models.drones.drone import M200_V2
 from skyway.models.drones.energy_belief import EnergyBelief
 from skyway.models.drones.time_belief import TimeBelief
-from skyway.models.network.network import Station
+from skyway.models.network.station import Station
 from skyway.models.wind.forecast import WindEnsemble
 
 HOME = Home(Point.of_degrees(47.0, 8.0), 400.0)

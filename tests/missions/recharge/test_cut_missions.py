@@ -26,7 +26,7 @@ from skyway.models.base import geodesy
 from skyway.models.base.errors import InputError
 from skyway.models.drones import time_belief
 from skyway.models.drones.energy_belief import EXACT
-from skyway.models.network.network import Station
+from skyway.models.network.station import Station
 from skyway.recharge.order.picture_audit import audited, kept_pictures
 from skyway.recharge.problem import RechargeOptions
 from skyway.recharge.recharged import recharged

@@ -17,7 +17,7 @@ from skyway.models.airspace.ways import chosen, columns, flown_at, level_flights
 from skyway.models.airspace.zone import Volume, Zone
 from skyway.models.base.errors import InputError
 from skyway.models.network.builders import build_network
-from skyway.models.network.network import ConnectionRule, Station
+from skyway.models.network.station import ConnectionRule, Station
 
 BOX = shapely.box(8.0, 47.0, 8.02, 47.02)
 DAY = datetime(2026, 8, 5, tzinfo=UTC).timestamp()

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from skyway.missions.examples import NEW_YORK
 from skyway.models.base.geodesy import about, line_geometry, middle_longitude, wrapped
 from skyway.models.network.builders import build_network
-from skyway.models.network.network import ConnectionRule, Station
+from skyway.models.network.station import ConnectionRule, Station
 from skyway.models.scenario.file import read_scenario
 from skyway.models.wind.ensemble import WindEnsemble
 from skyway.plots.wind_summary import over_region

@@ -12,15 +12,10 @@ from hypothesis import strategies as st
 
 from skyway.models.base.errors import AuditError, InputError
 from skyway.models.base.statistics import Figure
-from skyway.models.composition.composition import (
-    ArrivalDistribution,
-    Composition,
-    DroneService,
-    LegSegment,
-    Place,
-    Stop,
-)
+from skyway.models.composition.composition import Composition
+from skyway.models.composition.distributions import ArrivalDistribution
 from skyway.models.composition.file import SCHEMA, from_json, load, save, to_json
+from skyway.models.composition.service import DroneService, LegSegment, Place, Stop
 from skyway.models.wind.summary import Wind
 
 START = datetime(2013, 7, 10, 18, tzinfo=UTC)

@@ -5,7 +5,9 @@ from datetime import UTC, datetime, timedelta
 
 import pytest
 
-from skyway.models.composition.composition import ArrivalDistribution, Composition, DroneService, Place, State, Stop
+from skyway.models.composition.composition import Composition, State
+from skyway.models.composition.distributions import ArrivalDistribution
+from skyway.models.composition.service import DroneService, Place, Stop
 from skyway.models.wind.summary import Wind
 
 START = datetime(2013, 7, 10, 18, tzinfo=UTC)

@@ -13,7 +13,7 @@ from skyway.models.drones.drone import M200_V2
 from skyway.models.flight.kernels import NEVER, cruise, land, leg, next_opening, segment_speed, slot_end, slot_of
 from skyway.models.flight.rules import FlightRules, SegmentWind, air_over
 from skyway.models.network.builders import build_network
-from skyway.models.network.network import ConnectionRule, Station
+from skyway.models.network.station import ConnectionRule, Station
 from skyway.models.wind.ensemble import WindEnsemble
 from skyway.models.wind.triangle import MIN_GROUND_SPEED_MPS, ground_speed, speed_from, vector
 

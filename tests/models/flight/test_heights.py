@@ -11,7 +11,7 @@ from skyway.models.drones.drone import M200_V2
 from skyway.models.flight.heights import cleared_grounds_m, wind_factors
 from skyway.models.flight.rules import FlightRules, air_over
 from skyway.models.network.builders import build_network
-from skyway.models.network.network import ConnectionRule, Station
+from skyway.models.network.station import ConnectionRule, Station
 from skyway.models.wind.forecast import constant_wind
 
 GROUND_M = st.floats(-10.0, 2000.0)

@@ -2,6 +2,7 @@
 
 import re
 import sqlite3
+import time
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from dataclasses import replace
@@ -11,6 +12,7 @@ import pytest
 from ledgers import opened, postgresql_name, server_address, window
 
 from skyway.models.base.errors import InputError
+from skyway.models.ledger import postgresql
 from skyway.models.ledger import sqlite as sqlite_module
 from skyway.models.ledger.audit import audit
 from skyway.models.ledger.ledger import Event, LedgerError, TakenError
@@ -255,3 +257,16 @@ def test_the_log_of_a_busy_ledger_does_not_grow_without_bound(tmp_path, monkeypa
     with open_ledger(str(path)) as ledger:
         assert len(ledger.holds()) == 240
         assert audit(ledger) == []
+
+
+def test_a_client_that_takes_its_time_over_what_it_read_keeps_its_connection(monkeypatch):
+    """The whole history is read in one transaction by a busy machine: only a statement without an answer means that the server is lost."""
+    monkeypatch.setattr(postgresql, "ANSWER_S", 1.0)
+    monkeypatch.setattr(postgresql, "LOOK_S", 0.02)
+    with open_ledger(postgresql_name()) as ledger:
+        with ledger.transaction():
+            assert ledger.rows("SELECT 1") == [(1,)]
+            end = time.monotonic() + 1.5
+            while time.monotonic() < end:
+                pass
+        assert ledger.holds() == []

@@ -17,7 +17,8 @@ from skyway.models.airspace.zone import Volume, Zone
 from skyway.models.base import geodesy
 from skyway.models.network.bends import Bends
 from skyway.models.network.builders import build_network, with_zones
-from skyway.models.network.network import ConnectionRule, Network, Station
+from skyway.models.network.network import Network
+from skyway.models.network.station import ConnectionRule, Station
 
 START, GOAL = (0.0, -0.06), (0.0, 0.06)
 M_PER_DEG = 111_195.0

@@ -10,7 +10,8 @@ from skyway.models.base import geodesy
 from skyway.models.base.errors import InputError
 from skyway.models.base.geodesy import coordinate_faults
 from skyway.models.network.builders import build_network
-from skyway.models.network.network import ConnectionRule, Network, Station
+from skyway.models.network.network import Network
+from skyway.models.network.station import ConnectionRule, Station
 
 BRONX = Station("bronx", "Bronx Hospital", 40.85, -73.90)
 HARLEM = Station("harlem", "Harlem Hospital", 40.81, -73.94)

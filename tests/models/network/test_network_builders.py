@@ -13,7 +13,8 @@ from skyway.models.airspace.airspace import Airspace
 from skyway.models.base.errors import InputError
 from skyway.models.network import builders as network_builders
 from skyway.models.network.builders import build_network
-from skyway.models.network.network import ConnectionRule, Network, Station
+from skyway.models.network.network import Network
+from skyway.models.network.station import ConnectionRule, Station
 
 REGIONS = st.sampled_from([(40.7, -74.0), (-37.8, 145.0), (69.6, 18.9), (0.0, 0.0), (-17.0, 179.99)])
 SPREAD = st.floats(-0.3, 0.3)

@@ -19,7 +19,8 @@ from skyway.models.network.files import (
     write_segments_csv,
     write_stations_csv,
 )
-from skyway.models.network.network import Network, Station
+from skyway.models.network.network import Network
+from skyway.models.network.station import Station
 
 HEADER = "id,name,lat,lon,elevation_m,pads\n"
 GOOD = "bx,Bronx,40.85,-73.9,10,5\n"

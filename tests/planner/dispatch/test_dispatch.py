@@ -189,7 +189,7 @@ def test_a_fleet_of_new_york(new_york):
     near, later, far = plan.answers
     assert (near.status, later.status, far.status) == ("served", "served", "refused")
     assert far.reason is not None
-    assert "even alone it would be" in far.reason
+    assert "even without other orders it would be" in far.reason
     assert near.fetched >= START
     assert later.fetched >= START + timedelta(minutes=60)
     assert plan.bound_s <= plan.cost_s

@@ -26,7 +26,8 @@ from worlds import make_request, make_wind, make_world
 
 from skyway.models.base.errors import NoRouteError
 from skyway.models.network.builders import build_network
-from skyway.models.network.network import ConnectionRule, Network
+from skyway.models.network.network import Network
+from skyway.models.network.station import ConnectionRule
 from skyway.planner.exact.exact import ExactSearch
 from skyway.planner.problem.problem import Problem
 

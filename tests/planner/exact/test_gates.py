@@ -42,17 +42,42 @@ def delayed(seed, *, parameters=USUAL, stations=8, target=False, sites=1):
     return Problem(scenario, request, scenario.drones[0], stormy(rng, sites=sites), parameters=parameters)
 
 
+def patchy(seed, *, stations, sites, parameters=NEAR):
+    """A delivery over a city of which each part is closed by winds in other hours."""
+    rng = np.random.default_rng(seed)
+    scenario = make_world(rng, stations, length_m=55_000.0, utilisation=float(rng.choice([0.3, 0.9])))
+    request = make_request(scenario, rng, payload_kg=float(rng.choice([0.2, 1.0])), reserve_soc=0.2)
+    wind = make_wind(rng, mean_mps=float(rng.choice([1.0, 4.0])))
+    north, east = (np.repeat(values, sites, axis=2) for values in (wind.north, wind.east))
+    for site in range(sites):
+        slot = int(rng.integers(0, 3))
+        while slot < 20:
+            lasts = int(rng.integers(1, 4))
+            north[:, slot : slot + lasts, site] = 30.0
+            slot += lasts + int(rng.integers(1, 3))
+    lat, lon = 52.5 + rng.uniform(-0.2, 0.2, sites), 13.4 + rng.uniform(-0.3, 0.3, sites)
+    wind = replace(wind, site_lat=lat, site_lon=lon, north=north, east=east)
+    return Problem(scenario, request, scenario.drones[0], wind, parameters=parameters)
+
+
+def count_gates(monkeypatch, *, with_drones_aloft=True):
+    """Record the gates that searches use; those with drones in the air can be left out."""
+    used = []
+    last_gates = guided_search.last_gates
+
+    def counted(*how, **more):
+        found = [one for one in last_gates(*how, **more) if with_drones_aloft or one.shut]
+        used.extend(found)
+        return found
+
+    monkeypatch.setattr(guided_search, "last_gates", counted)
+    return used
+
+
 @pytest.mark.parametrize("target", [False, True])
 @pytest.mark.parametrize("parameters", [USUAL, NEAR])
 def test_in_storms_it_equals_the_exhaustive_search(monkeypatch, target, parameters):
-    gates = []
-
-    def counted(*how):
-        gates.append(found := last_gate(*how))
-        return found
-
-    last_gate = guided_search.last_gate
-    monkeypatch.setattr(guided_search, "last_gate", counted)
+    gates = count_gates(monkeypatch)
     for seed in range(10):
         problem = delayed(seed, parameters=parameters, target=target)
         queues = SampledQueues(problem, 0)
@@ -66,7 +91,33 @@ def test_in_storms_it_equals_the_exhaustive_search(monkeypatch, target, paramete
             schedule = fly_true(problem, itinerary, queues)[0]
             assert schedule[-1, TOUCH_DOWN] - problem.depart_s == pytest.approx(found, abs=0.02), seed
             assert np.all(schedule[:, SOC_LANDING] >= problem.reserve - 1e-6), seed
-    assert parameters is USUAL or sum(gate is not None for gate in gates) > 3
+    assert parameters is USUAL or len(gates) > 3
+
+
+def test_where_parts_of_a_city_open_at_other_hours_it_equals_the_exhaustive_search(monkeypatch):
+    gates = count_gates(monkeypatch)
+    for seed in range(16):
+        problem = patchy(seed, stations=8, sites=2)
+        queues = SampledQueues(problem, 0)
+        _, referee = best_time(ExhaustiveSearch(problem, queues))
+        search = ExactSearch(problem, queues)
+        _, found = best_time(search)
+        assert found == pytest.approx(referee, rel=1e-6), seed
+        assert search.complete
+    assert sum(not gate.shut for gate in gates) > 3
+
+
+def test_the_last_opening_proves_an_answer_in_few_labels(monkeypatch):
+    problems = [patchy(seed, stations=80, sites=3) for seed in (0, 8)]
+    found = []
+    for with_drones_aloft in (True, False):
+        with monkeypatch.context() as patch:
+            count_gates(patch, with_drones_aloft=with_drones_aloft)
+            searches = [ExactSearch(problem, SampledQueues(problem, 0)) for problem in problems]
+            found.append([(best_time(search)[1], search.labels_expanded) for search in searches])
+    for (arrives, labels), (same, more) in zip(*found, strict=True):
+        assert arrives == pytest.approx(same, rel=1e-9)
+        assert 2 * labels < more
 
 
 def test_in_storms_near_the_straight_way_first_it_equals_the_search_of_the_whole_city():

@@ -17,6 +17,7 @@ from skyway.models.drones.drag import DragModel
 from skyway.models.drones.energy_belief import EnergyBelief
 from skyway.models.scenario.file import read_scenario
 from skyway.models.wind.ensemble import WindEnsemble
+from skyway.models.wind.felt_gust import FeltGust
 from skyway.models.wind.forecast import constant_wind
 from skyway.planner.online.departure_gate import DepartureGate
 from skyway.planner.online.evaluated import RollingRobust
@@ -263,6 +264,43 @@ def test_straight_flights_take_longer_against_the_wind(newyork):
         return float(reach.to_stations(here, DEPART.timestamp(), nodes).time_s[0, 0])
 
     assert time_s(20.0) > 1.4 * time_s(200.0)
+
+
+def test_a_gust_that_was_felt_slows_the_flights_that_begin_now(newyork):
+    """In the mean wind of the flight: what is left of the gust, on average, is a wind more."""
+    drone, now_s = newyork.drone("m200"), DEPART.timestamp()
+    nodes = np.array([newyork.network.index["jacobi"]])
+    here = (float(newyork.network.lat[newyork.network.index["bellevue"]]), -73.97)
+    calm = wind(9.0, 20.0)
+    felt = FeltGust(now_s, *here, -5.0, -2.0)
+
+    def flown(gust, begin_s=now_s, more=(0.0, 0.0)):
+        moved = replace(calm, north=calm.north + more[0], east=calm.east + more[1], gust=gust)
+        reach = Reach(newyork, moved, drone, 0.8, SURE)
+        found = reach.to_stations(here, begin_s, nodes)
+        return float(found.time_s[0, 0]), float(found.soc[0, 0]), reach
+
+    without, _, reach = flown(None)
+    length = geodesy.inverse(*here, newyork.network.lat[nodes], newyork.network.lon[nodes])[0]
+    start = tuple(np.array([one]) for one in here)
+    share = float(felt.share_of(start, length, np.array([now_s]), np.array([without - reach.descent_s]))[0])
+    assert flown(felt)[:2] == pytest.approx(flown(None, more=(-5.0 * share, -2.0 * share))[:2], rel=1e-3)
+    assert flown(felt)[0] > 1.03 * without
+    assert flown(felt, now_s + 3600.0)[0] == pytest.approx(flown(None, now_s + 3600.0)[0], rel=1e-6)
+
+
+def test_the_risk_of_a_flight_includes_the_error_of_a_wind_across_near_the_airspeed(newyork, policy, monkeypatch):
+    nodes = np.array([newyork.network.index["jacobi"]])
+    here = (float(newyork.network.lat[newyork.network.index["bellevue"]]), -73.97)
+
+    def doubt(from_deg):
+        found = policy.reach(wind(14.0, from_deg), SURE).to_stations(here, DEPART.timestamp(), nodes)
+        return float(found.doubt[0, 0])
+
+    across, against = doubt(110.0), doubt(20.0)
+    monkeypatch.setattr("skyway.planner.reach.reach.drifted_s", lambda *given: 0.0 * given[4])
+    assert across > 1.2 * doubt(110.0)
+    assert against < 1.1 * doubt(20.0)
 
 
 def test_flights_from_all_points_of_a_leg_are_those_from_each(newyork):

@@ -17,7 +17,7 @@ from skyway.models.composition.composition import State
 from skyway.models.composition.file import from_json, to_json
 from skyway.models.drones.drone import M200_V2
 from skyway.models.drones.energy_belief import EnergyBelief
-from skyway.models.network.network import ConnectionRule, Station
+from skyway.models.network.station import ConnectionRule, Station
 from skyway.models.wind.forecast import constant_wind
 from skyway.planner.plan import plan
 from skyway.planner.problem.request import Request

@@ -112,7 +112,7 @@ def test_packages_that_are_too_heavy_together_are_shared_out(forecast):
     assert made.served == 2
     assert {len(route.orders) for route in made.routes} == {1}
     assert [one.reason for one in made.answers if one.status == "refused"] == [
-        "the drones and pads serve orders that count more"
+        "the drones and pads serve orders of greater weight"
     ]
 
 
@@ -133,7 +133,7 @@ def test_what_no_drone_can_do_is_refused_with_its_reason(forecast):
         forecast, [order("far", "edison", due_min=10), order("else", "bellevue", origin="jacobi")], [drone("d1")]
     )
     reasons = {one.order: one.reason for one in made.answers}
-    assert "even alone" in reasons["far"]
+    assert "even without other orders" in reasons["far"]
     assert "stands at its station" in reasons["else"]
     assert made.routes == ()
 

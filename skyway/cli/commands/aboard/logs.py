@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 By = Annotated[
     Literal["auto", "ftp", "requests"],
-    typer.Option("--by", help="MAVLink FTP, or log requests; auto takes FTP where the vehicle has it."),
+    typer.Option("--by", help="MAVLink FTP, or log requests; auto uses FTP if the vehicle supports it."),
 ]
 _TELL_S = 5.0
 

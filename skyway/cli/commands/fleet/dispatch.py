@@ -34,15 +34,18 @@ class FleetOptions:
     """Orders, drones, and how they are planned and booked."""
 
     orders: Annotated[Path, typer.Option(help="Orders: CSV or JSON.")]
-    fleet: Annotated[Path, typer.Option(help="Drones as they stand: CSV or JSON.")]
+    fleet: Annotated[Path, typer.Option(help="Drones with their places and charges: CSV or JSON.")]
     ledger: Annotated[
         str | None, typer.Option(help="Book the pads here: a file (SQLite), or postgresql://USER@HOST/DATABASE.")
     ] = None
-    holder: Annotated[str, typer.Option(help="In whose name pads are booked.")] = "dispatch"
+    holder: Annotated[str, typer.Option(help="Holder of the bookings.")] = "dispatch"
     reserve: Annotated[float, typer.Option(help="Least charge at any landing, percent.")] = 20.0
-    time_limit: Annotated[float, typer.Option("--time-limit", help="Time to better the plan, s.")] = 10.0
+    time_limit: Annotated[float, typer.Option("--time-limit", help="Time limit of the search for a plan, s.")] = 10.0
     iterations: Annotated[
-        int, typer.Option(help="Changes to try at most; with enough time the same plan comes out each time.", min=0)
+        int,
+        typer.Option(
+            help="Maximum number of iterations of the search; reproducible if the time limit is not reached.", min=0
+        ),
     ] = 10**9
     seed: Annotated[int, typer.Option(help="Random seed.", min=0, max=2**32 - 1)] = 0
     settings: options.Settings = None
@@ -50,7 +53,7 @@ class FleetOptions:
     output: Annotated[Path | None, typer.Option("--output", "-o", help="Write the plan to a file.")] = None
     force: options.Force = False
 
-    def read(self, conditions: ConditionOptions, *, most_reserve: float) -> Asked:
+    def read(self, conditions: ConditionOptions, *, most_reserve: float) -> FleetInputs:
         """Read the files, and what is known of the wind.
 
         Raises
@@ -69,7 +72,7 @@ class FleetOptions:
         reserve = typed_values.percent(self.reserve, "--reserve", high=most_reserve)
         work = fit(conditions.loaded(), read_orders(self.orders), read_vehicles(self.fleet))
         known, _ = conditions.winds(work.scenario, conditions.instant, None)
-        return Asked(work, conditions.instant, known.forecast, parameters, reserve)
+        return FleetInputs(work, conditions.instant, known.forecast, parameters, reserve)
 
     def show(self, work: Work, made: DispatchPlan) -> None:
         """Print a plan, and write it to a file; exit with 1 where nothing is served."""
@@ -89,8 +92,8 @@ class FleetOptions:
             raise typer.Exit(1)
 
 
-class Asked(NamedTuple):
-    """What `FleetOptions` say."""
+class FleetInputs(NamedTuple):
+    """Values of `FleetOptions`."""
 
     work: Work
     depart: datetime
@@ -105,7 +108,7 @@ def plan(conditions: ConditionOptions, pads: PadOptions, fleet_options: FleetOpt
     """Assign orders to the drones of a fleet, with times and stops, and book the pads.
 
     Each order is served or refused with a reason; the plan includes empty flights and charging. It is simulated in many realizations of wind, energy and
-    other drones at the pads: each served order has the probability of being there by when it is due. Exit code 1: no order is served.
+    other drones at the pads: each served order has a probability of delivery by its due time. Exit code 1: no order is served.
 
     Examples
     --------
@@ -116,18 +119,18 @@ def plan(conditions: ConditionOptions, pads: PadOptions, fleet_options: FleetOpt
     from skyway.now import pads_now
     from skyway.planner.promises.booked import plan_fleet
 
-    asked = fleet_options.read(conditions, most_reserve=95.0)
+    inputs = fleet_options.read(conditions, most_reserve=95.0)
     seen = NOTHING_SEEN
     if pads.pads is not None:
-        found = pads_now(asked.work.scenario, pads.pads, asked.depart)
+        found = pads_now(inputs.work.scenario, pads.pads, inputs.depart)
         seen = PadsSeen(found.busy, found.free_s)
         for note in found.notes:
             typer.echo(note, err=True)
     made = plan_fleet(
-        asked.work, asked.depart, asked.forecast, asked.parameters, reserve=asked.reserve, time_limit_s=fleet_options.time_limit,
+        inputs.work, inputs.depart, inputs.forecast, inputs.parameters, reserve=inputs.reserve, time_limit_s=fleet_options.time_limit,
         iterations=fleet_options.iterations, seed=fleet_options.seed, ledger=fleet_options.ledger, holder=fleet_options.holder, seen=seen,
     )  # fmt: skip
-    fleet_options.show(asked.work, made)
+    fleet_options.show(inputs.work, made)
 
 
 @dispatch.command("tours")
@@ -136,12 +139,15 @@ def tours(
     conditions: ConditionOptions,
     fleet_options: FleetOptions,
     fewest_drones: Annotated[
-        bool, typer.Option("--fewest-drones", help="Use as few drones as serve all orders, whatever time they take.")
+        bool,
+        typer.Option(
+            "--fewest-drones", help="Minimize the number of drones that serve all orders, whatever their time."
+        ),
     ] = False,
 ) -> None:
-    """Plan tours: each drone leaves its station once, with several packages aboard, charges on the way, and comes home.
+    """Plan tours: each drone leaves its station once, with several packages on board, charges on the way, and returns.
 
-    A drone carries what its payload allows; every package is there by when it is due, or refused with a reason. Exit code 1: none is served.
+    A drone carries what its payload allows; every package is delivered by its due time, or refused with a reason. Exit code 1: none is served.
 
     Examples
     --------
@@ -151,40 +157,40 @@ def tours(
     from skyway.planner.promises.booked import booked
     from skyway.planner.tours.plan import plan_tours
 
-    asked = fleet_options.read(conditions, most_reserve=75.0)
+    inputs = fleet_options.read(conditions, most_reserve=75.0)
 
     def planned(holds: Sequence[Hold]) -> DispatchPlan:
         return plan_tours(
-            asked.work, asked.depart, forecast=asked.forecast, holds=holds, reserve=asked.reserve, time_limit_s=fleet_options.time_limit,
-            iterations=fleet_options.iterations, seed=fleet_options.seed, fewest_drones=fewest_drones, parameters=asked.parameters,
+            inputs.work, inputs.depart, forecast=inputs.forecast, holds=holds, reserve=inputs.reserve, time_limit_s=fleet_options.time_limit,
+            iterations=fleet_options.iterations, seed=fleet_options.seed, fewest_drones=fewest_drones, parameters=inputs.parameters,
         )  # fmt: skip
 
-    made = booked(planned, asked.work, asked.depart, ledger=fleet_options.ledger, holder=fleet_options.holder, time_limit_s=fleet_options.time_limit)  # fmt: skip
-    fleet_options.show(asked.work, made)
+    made = booked(planned, inputs.work, inputs.depart, ledger=fleet_options.ledger, holder=fleet_options.holder, time_limit_s=fleet_options.time_limit)  # fmt: skip
+    fleet_options.show(inputs.work, made)
 
 
-Holder = Annotated[str, typer.Option(help="Name of the dispatcher: in whose name pads are booked.")]
+Holder = Annotated[str, typer.Option(help="Name of the dispatcher, which holds the bookings.")]
 LedgerName = Annotated[str, typer.Option(help="Ledger: a file (SQLite), or postgresql://USER@HOST/DATABASE.")]
 
 
 @dispatch.command("run")
 def run(
     ledger: LedgerName,
-    orders: Annotated[Path | None, typer.Option(help="Orders to begin with: CSV or JSON.")] = None,
+    orders: Annotated[Path | None, typer.Option(help="Initial orders: CSV or JSON.")] = None,
     fleet: Annotated[
-        Path | None, typer.Option(help="Drones as they stand: CSV or JSON. Needed the first time.")
+        Path | None, typer.Option(help="Drones with their places and charges: CSV or JSON. Required the first time.")
     ] = None,
     simulate: Annotated[
         bool, typer.Option("--simulate", help="Fly simulated drones, as fast as the machine can.")
     ] = False,
     scenario: Annotated[Path | None, typer.Option(help="Scenario folder. Default: the built-in one.")] = None,
-    depart: Annotated[str | None, typer.Option(help="When the service begins, with UTC offset. Default: now.")] = None,
+    depart: Annotated[str | None, typer.Option(help="Start of the service, with UTC offset. Default: now.")] = None,
     wind: Annotated[
-        str | None, typer.Option(help="One constant wind that is expected, m/s@degrees FROM: 8@270.")
+        str | None, typer.Option(help="One constant wind as the forecast, m/s@degrees FROM: 8@270.")
     ] = None,
     actual_wind: Annotated[
         str | None,
-        typer.Option("--actual-wind", help="The wind that blows in the simulation: 8@270, or a day of the record."),
+        typer.Option("--actual-wind", help="True wind of the simulation: 8@270, or a day of the record."),
     ] = None,
     notice: Annotated[
         float | None,
@@ -200,14 +206,16 @@ def run(
     holder: Holder = "dispatch",
     folder: Annotated[Path, typer.Option(help="Where journals and logs go.")] = Path("flights"),
     reserve: Annotated[float, typer.Option(help="Least charge at any landing, percent.")] = 20.0,
-    time_limit: Annotated[float, typer.Option("--time-limit", help="Time to better each plan, s.")] = 2.0,
-    iterations: Annotated[int, typer.Option(help="Changes to try at most in each plan.", min=0)] = 10**9,
-    lease: Annotated[float, typer.Option(help="How long leases hold without being renewed, s.")] = 10.0,
+    time_limit: Annotated[float, typer.Option("--time-limit", help="Time limit of the search for each plan, s.")] = 2.0,
+    iterations: Annotated[
+        int, typer.Option(help="Maximum number of iterations of the search for each plan.", min=0)
+    ] = 10**9,
+    lease: Annotated[float, typer.Option(help="Lifetime of leases without renewal, s.")] = 10.0,
     seed: Annotated[int, typer.Option(help="Random seed of the simulation.", min=0, max=2**32 - 1)] = 1,
     traffic: Annotated[bool, typer.Option(help="Simulate other drones at the pads.")] = True,
     http: Annotated[
         str | None,
-        typer.Option(help="Serve the HTTP API at HOST:PORT; beyond this machine it needs a token (SKYWAY_TOKEN)."),
+        typer.Option(help="Serve the HTTP API at HOST:PORT; access from other machines needs a token (SKYWAY_TOKEN)."),
     ] = None,
     settings: options.Settings = None,
 ) -> None:
@@ -232,7 +240,7 @@ def run(
     if not 0.5 <= lease <= 3600.0:
         raise InputError("out of range", field="--lease", value=lease, remedy="0.5 to 3600 s")
     typed_values.planner_parameters(settings)
-    asked = Options(
+    inputs = Options(
         ledger=ledger, dispatcher=holder, folder=folder, begin_s=typed_values.parse_depart(depart).timestamp(),
         orders=() if orders is None else read_orders(orders), fleet=() if fleet is None else read_vehicles(fleet),
         scenario=None if scenario is None else str(scenario.resolve()), wind=wind, actual_wind=actual_wind,
@@ -240,7 +248,7 @@ def run(
         iterations=iterations, lasts_s=None if hours is None else hours * 3600.0, seed=seed, strangers=traffic,
         settings=tuple(settings or ()), notice_s=None if notice is None else 60.0 * notice, say=typer.echo,
     )  # fmt: skip
-    service = Service(asked)
+    service = Service(inputs)
     if http is not None:
         from skyway.dispatch.http_api import serve_in_background
 
@@ -251,8 +259,8 @@ def run(
 @dispatch.command("demo")
 def demo(
     drones: Annotated[int, typer.Option(help="Drones of the fleet.", min=1, max=250)] = 50,
-    rate: Annotated[float, typer.Option("--rate", help="Orders an hour.", min=1.0, max=2000.0)] = 60.0,
-    hours: Annotated[float, typer.Option(help="How long orders arrive.", min=0.05, max=24.0)] = 1.0,
+    rate: Annotated[float, typer.Option("--rate", help="Orders per hour.", min=1.0, max=2000.0)] = 60.0,
+    hours: Annotated[float, typer.Option(help="Hours of order arrivals.", min=0.05, max=24.0)] = 1.0,
     workers: Annotated[int, typer.Option(help="Worker processes, of up to 50 flights each.", min=1, max=64)] = 2,
     seed: Annotated[int, typer.Option(help="Random seed of orders, drones and simulation.", min=0, max=2**32 - 1)] = 1,
     port: Annotated[int, typer.Option(help="Port of the page.")] = 8080,
@@ -286,7 +294,9 @@ def demo(
 
 @dispatch.command("worker", hidden=True)
 def worker(
-    ledger: LedgerName, holder: Holder = "dispatch", number: Annotated[int, typer.Option(help="Of this worker.")] = 1
+    ledger: LedgerName,
+    holder: Holder = "dispatch",
+    number: Annotated[int, typer.Option(help="Number of this worker.")] = 1,
 ) -> None:
     """Supervise flights of a service; skyway dispatch run starts it."""
     from skyway.dispatch.worker import work
@@ -345,9 +355,11 @@ def close(
     station: Annotated[str, typer.Argument(help="Station id.")],
     pad: Annotated[int, typer.Argument(help="Number of the pad, from 1.", min=1)],
     ledger: LedgerName,
-    until: Annotated[str, typer.Option(help="It is out of order until then, with UTC offset.")],
-    begin: Annotated[str | None, typer.Option("--from", help="From then on. Default: at once.")] = None,
-    reason: Annotated[str, typer.Option(help="Why, for people.")] = "",
+    until: Annotated[str, typer.Option(help="End of the closure, with UTC offset.")],
+    begin: Annotated[
+        str | None, typer.Option("--from", help="Start of the closure, with UTC offset. Default: now.")
+    ] = None,
+    reason: Annotated[str, typer.Option(help="Reason, for people.")] = "",
     holder: Holder = "dispatch",
 ) -> None:
     """Report a pad as out of order: the dispatcher replans around it.

@@ -32,9 +32,9 @@ def add(
     start: Annotated[str | None, typer.Option("--from", help="Station id, part of its name, or lat,lon.")] = None,
     to: Annotated[str | None, typer.Option(help="Station id, part of its name, or lat,lon.")] = None,
     mass: Annotated[float | None, typer.Option(help="Mass of the package, kg.")] = None,
-    ready: Annotated[str | None, typer.Option(help="It can be fetched from then on, with UTC offset.")] = None,
-    due: Annotated[str | None, typer.Option(help="It should be there by then, with UTC offset.")] = None,
-    kind: Annotated[str, typer.Option(help="What it is, for people.")] = "",
+    ready: Annotated[str | None, typer.Option(help="Earliest pick-up, with UTC offset.")] = None,
+    due: Annotated[str | None, typer.Option(help="Due time of the delivery, with UTC offset.")] = None,
+    kind: Annotated[str, typer.Option(help="Contents, for people.")] = "",
     priority: Annotated[int, typer.Option(help="0 to 9; a higher one is served first.")] = 0,
     holder: Holder = "dispatch",
 ) -> None:

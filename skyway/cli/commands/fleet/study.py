@@ -26,22 +26,20 @@ MOST_DAYS = 100_000
 def capacity(
     scenario: options.ScenarioArgument = None,
     depart: Annotated[
-        str | None, typer.Option(help="When orders begin, with UTC offset: hour and season. Default: now.")
+        str | None, typer.Option(help="Start of the orders, with UTC offset: hour and season. Default: now.")
     ] = None,
-    rates: Annotated[str, typer.Option(help="Orders an hour that are tried: 10,20,40.")] = "10,20,40,60,80",
-    promise: Annotated[str, typer.Option(help="How long after it is ready an order is due, min: 60,90.")] = "90",
+    rates: Annotated[str, typer.Option(help="Orders per hour to try: 10,20,40.")] = "10,20,40,60,80",
+    promise: Annotated[str, typer.Option(help="Time from ready to due, min: 60,90.")] = "90",
     drones: Annotated[str, typer.Option(help="Sizes of the fleet: 20,50.")] = "50",
     drone: Annotated[str | None, typer.Option(help="Model of the drones. Default: the first of the scenario.")] = None,
-    hours: Annotated[float, typer.Option(help="How long orders arrive each day.", min=0.5, max=12.0)] = 3.0,
+    hours: Annotated[float, typer.Option(help="Hours of order arrivals each day.", min=0.5, max=12.0)] = 3.0,
     days: Annotated[int, typer.Option(help="Simulated days of each case.", min=2, max=MOST_DAYS)] = 20,
-    level: Annotated[
-        float, typer.Option(help="Share of all orders that is to be delivered as promised, percent.")
-    ] = 90.0,
-    within: Annotated[float, typer.Option(help="Packages go no farther, km.", min=1.0, max=1000.0)] = 20.0,
+    level: Annotated[float, typer.Option(help="Required share of orders delivered as promised, percent.")] = 90.0,
+    within: Annotated[float, typer.Option(help="Greatest distance of a delivery, km.", min=1.0, max=1000.0)] = 20.0,
     orders: Annotated[
-        Path | None, typer.Option(help="Orders whose ways and packages are drawn from, in place of stations at random.")
+        Path | None, typer.Option(help="Orders from which places and packages are sampled, instead of random stations.")
     ] = None,
-    more: Annotated[bool, typer.Option(help="Try one pad, one station and one drone more, too.")] = True,
+    more: Annotated[bool, typer.Option(help="Also try one more pad, station and drone.")] = True,
     reserve: Annotated[float, typer.Option(help="Least charge at any landing, percent.")] = 20.0,
     iterations: Annotated[int, typer.Option(help="Iterations of the search for the plan of each day.", min=0)] = 0,
     workers: Workers = None,
@@ -53,9 +51,9 @@ def capacity(
     picture: Annotated[Path | None, typer.Option("--plot", help="Draw FILE.svg, .png or .pdf.")] = None,
     force: options.Force = False,
 ) -> None:
-    """Find how many orders an hour a network carries, at which promise, with which fleet, and what would help most.
+    """Find how many orders per hour a network can serve, by promised time and fleet size, and which addition helps most.
 
-    Each simulated day has orders, drones, strangers and the wind of a day of the record that is held out of its forecast. Days are spread over
+    Each simulated day has orders, drones, other drones at the pads, and the wind of a day of the record that is held out of its forecast. Days are spread over
     processes, or a Dask cluster; their number does not change the figures.
 
     Examples

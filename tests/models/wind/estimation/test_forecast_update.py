@@ -256,3 +256,25 @@ def test_five_drones_forecast_30_percent_better_than_one_drones_persistence_at_1
         )
         assert np.mean(scores) < 0.7 * np.mean(persistence[horizon])
         assert np.mean(scores) < np.mean(plain[horizon])
+
+
+def test_a_measured_wind_is_that_of_the_forecast_here_and_a_gust_which_are_told_apart():
+    """What one wind was, most probably, adds up to what was measured; a forecast without the gust would be off by it at once."""
+    before, here = ensemble(slot_s=600.0), (40.7, -74.0)
+    speed = 18.0
+    told = seen(speed, 0.0, START_S + 60.0, variance=(0.15 * speed) ** 2)
+    after = update_forecast(before, [told], here=here)
+    north, east = (float(after.probability @ one) for one in after.wind_at(*here, 0))
+    assert speed - north > 3.0
+    assert (north + after.gust.north_mps, east + after.gust.east_mps) == pytest.approx((speed, 0.0), abs=1e-6)
+    assert (after.gust.time_s, after.gust.lat_deg, after.gust.lon_deg) == (told.time_s, *here)
+    assert after.at_height(120.0, 0.2).gust.north_mps == pytest.approx(after.gust.north_mps * 2.0**0.2)
+    assert update_forecast(before, [told]).gust is None
+
+
+def test_the_gust_told_is_that_where_the_drone_is_not_that_of_a_report_from_afar():
+    here, away = (40.7, -74.0), direct(40.7, -74.0, 90.0, 30_000.0)
+    drone = seen(12.0, 0.0, START_S + 30.0, variance=3.0)
+    report = seen(2.0, 0.0, START_S + 60.0, variance=1.0, lat=away[0], lon=away[1])
+    for told in ([report, drone], [drone, report]):
+        assert update_forecast(ensemble(slot_s=600.0), told, here=here).gust.time_s == drone.time_s

@@ -13,7 +13,10 @@ from dataclasses import dataclass
 from functools import cache
 from typing import TYPE_CHECKING
 
-from benchmarks.link.proof import HEIGHT_M, WINCH_EVERY, Heard, Run, Stage, leg
+from benchmarks.link.proof.cases import WINCH_EVERY
+from benchmarks.link.proof.missions import HEIGHT_M, leg
+from benchmarks.link.proof.run import Heard, Run
+from benchmarks.link.proof.stage import Stage
 from skyway.calibration_flight import drag_of
 from skyway.models.drones.drone import M200_V2
 from skyway.sim_stub.faults import Fault
