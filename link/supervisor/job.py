@@ -59,6 +59,8 @@ class DeliveryJob:
     dispatched: bool = False
     """The plan is part of a dispatcher's plan: on the ground the drone keeps to it, with charges that are only ever raised, and stops if it becomes
     infeasible; in the air it may divert as any other."""
+    longest_wait_s: float = math.inf
+    """Longest wait at a station for wind or free pads before the next leg; after that the flight ends there."""
     not_before_s: float = -math.inf
     """Earliest first take-off, POSIX seconds: the package is not ready before."""
     hands_over: bool = True

@@ -46,6 +46,8 @@ class DeliveryProgress:
     """Least charge at departure, if it differs from the plan."""
     charged: bool = False
     """The battery was charged here."""
+    waits_from_s: float | None = None
+    """Time of the first decision to wait here before the next leg, POSIX seconds."""
     called_off: bool = False
     """The plan in force ends with the next landing."""
     work: WorkProgress = field(default_factory=WorkProgress)
@@ -84,6 +86,12 @@ class DeliveryProgress:
         """Take the decision for the next leg besides the plan."""
         self.diverts, self.charge_to, self.least_soc = tuple(diverts), charge_to, least_soc
 
+    def waited_s(self, now_s: float) -> float:
+        """Return the time since the first decision to wait here before the next leg, s; the first call sets it."""
+        if self.waits_from_s is None:
+            self.waits_from_s = now_s
+        return now_s - self.waits_from_s
+
     def charge_done(self) -> None:
         """Record that the battery was charged here."""
         self.charged = True
@@ -101,7 +109,7 @@ class DeliveryProgress:
 
     def take_off(self) -> None:
         """Leave the station."""
-        self.station, self.charged, self.charge_to, self.least_soc = None, False, None, None
+        self.station, self.charged, self.charge_to, self.least_soc, self.waits_from_s = None, False, None, None, None
 
     def not_begun(self) -> None:
         """Undo a flight that did not take off."""

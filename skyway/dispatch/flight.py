@@ -32,6 +32,8 @@ RECORD_EVERY_S, RECORD_LATE_S = 60.0, 30.0
 """Interval of progress records, s; an additional one when the state changes, or the delay grows by the second value."""
 ALONE_S, AGAIN_S = 120.0, 5.0
 """Longest wait for another process that still sends commands to its vehicle, and interval of the checks, s."""
+WAITS_S = 5400.0
+"""Longest wait of a flight for its take-off, s: then it ends at its station, and the dispatcher plans anew."""
 NOT_TOLD = frozenset({State.REPLANNING, State.PREFLIGHT, State.UPLOADING, State.READY, State.ARMING})
 
 
@@ -89,6 +91,7 @@ class Flight:
             observed=lambda at_s: self._worker.winds.of_others(record.system, at_s, record.begin_s),
             drag=self._worker.service.drags.get(composition.drone),
             dispatched=True,
+            longest_wait_s=WAITS_S,
             hands_over=loaded,
             not_before_s=record.not_before_s,
             parameters=region.flying,

@@ -14,7 +14,7 @@ from skyway.link.supervisor.onward import another_pad, stay_until_due
 from skyway.link.supervisor.states import State, Turn
 from skyway.models.base import geodesy
 from skyway.models.base.errors import InputError, LinkError
-from skyway.models.base.formatting import percent
+from skyway.models.base.formatting import duration, percent
 from skyway.models.flight.energy import FlightPower
 from skyway.planner.online.information import Decision, Information
 
@@ -49,6 +49,7 @@ def replanning(ctx: Context) -> After:
     if decision.composition is not None:
         ctx.delivery.take_plan(with_places(decision.composition, ctx.job.scenario, decision.diverts))
     elif decision.departure is not None and decision.departure.segments:
+        _check_wait(ctx, "no wind of the forecast allows the next leg")
         ctx.wait_until(ctx.now_s + _UNTOLD_S)
         return State.REPLANNING, "no wind of the forecast allows the next leg: deciding again"
     ctx.delivery.prepare(decision.diverts, decision.charge_to, decision.least_soc)
@@ -56,6 +57,7 @@ def replanning(ctx: Context) -> After:
         return State.STOPPED, decision.reason
     ctx.note_plan(decision.reason)
     if decision.action == "wait" and decision.charge_to is None:
+        _check_wait(ctx, decision.reason)
         rest(ctx)
         ctx.wait_until(max(decision.until_s or 0.0, ctx.now_s + POLL_S))
         return State.REPLANNING, "the wait is over: deciding again"
@@ -66,6 +68,13 @@ def replanning(ctx: Context) -> After:
         ctx.wait_until(ctx.job.not_before_s)
         return State.REPLANNING, "the package is ready: deciding again"
     return State.PREFLIGHT, decision.reason
+
+
+def _check_wait(ctx: Context, reason: str) -> None:
+    """End the flight here if it has waited for longer than its job allows."""
+    waited_s = ctx.delivery.waited_s(ctx.now_s)
+    if waited_s >= ctx.job.longest_wait_s:
+        raise Turn(State.STOPPED, f"waited for {duration(waited_s)}: {reason}")
 
 
 def _look_again(ctx: Context) -> str:
