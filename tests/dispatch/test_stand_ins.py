@@ -46,12 +46,11 @@ def test_a_held_world_wakes_who_can_take_the_place_of_a_killed_process():
         stand_in.close()
 
 
-def test_a_pad_that_another_operator_still_uses_is_marked_when_it_is_free(tmp_path):
-    def window(begin_min, end_min):
-        return Window(
-            station="a", pad=1, start=NOON + timedelta(minutes=begin_min), end=NOON + timedelta(minutes=end_min)
-        )
+def window(begin_min, end_min):
+    return Window(station="a", pad=1, start=NOON + timedelta(minutes=begin_min), end=NOON + timedelta(minutes=end_min))
 
+
+def test_a_pad_that_another_operator_still_uses_is_marked_when_it_is_free(tmp_path):
     with open_ledger(str(tmp_path / "ledger.db")) as ledger:
         other = ledger.acquire("other", "a process")
         ledger.book(other, "late", [window(0, 30)])
@@ -64,3 +63,22 @@ def test_a_pad_that_another_operator_still_uses_is_marked_when_it_is_free(tmp_pa
         ledger.mark(other, "late", "released")
         bookings.bring_up_to_date({"one": [window(30, 60)]}, at_s)
         assert [one.state for one in ledger.holds() if one.holder == "ours"] == ["in use"]
+
+
+def test_a_window_of_another_operator_that_is_over_and_not_released_loses_no_booking(tmp_path):
+    with open_ledger(str(tmp_path / "ledger.db")) as ledger:
+        other = ledger.acquire("other", "a process")
+        ledger.book(other, "late", [window(0, 30)])
+        lease = ledger.acquire("ours", "another process")
+        bookings = Bookings(ledger, "ours", lambda: lease, {"a": 1})
+
+        def ours(now_min):
+            """Bring the bookings up to date at an instant; our drone has been on its pad since 12:20."""
+            bookings.bring_up_to_date({"one": [window(20, 60)]}, (NOON + timedelta(minutes=now_min)).timestamp())
+            return [one.window for one in ledger.holds() if one.holder == "ours"]
+
+        behind = ours(25)
+        assert behind == [window(30, 70)]
+        assert ours(31) == behind  # the other operator's next step releases its own
+        ledger.mark(other, "late", "released")
+        assert ours(32) == [window(20, 60)]

@@ -48,11 +48,14 @@ class Bookings:
         """
         lease = self._lease()
         held: dict[str, list[Hold]] = {}
+        others: list[Window] = []  # also what is over and not released: a window of ours that has begun may touch it
         for one in self._ledger.holds():
             if one.holder == self._holder:
                 held.setdefault(one.itinerary, []).append(one)
+            else:
+                others.append(one.window)
         wanted = {itinerary_of(self._holder, name): one for name, one in wanted.items()}
-        windows = apart(wanted, self._pads, [one.window for one in self.of_others(now_s)])
+        windows = apart(wanted, self._pads, others)
         moved = [
             name for name, holds in held.items() if not _same([one.window for one in holds], windows.get(name, []))
         ]

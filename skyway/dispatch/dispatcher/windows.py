@@ -50,12 +50,16 @@ def _itinerary(order: str | None, drone: str) -> str:
 
 
 def windows_of(steps: Sequence[PlanStep], late_s: float = 0.0, *, not_before_s: float = 0.0) -> list[Window]:
-    """Return the windows of some steps that are not over, with their delay."""
+    """Return the windows of some steps that are not over, with their delay; a drone that charges twice in a row has one pad at a time."""
     found = []
+    before: PlanStep | None = None
     for one in steps:
+        last, before = before, one
         if one.kind != "charge" or one.pad is None or one.end_s + late_s <= not_before_s or one.end_s <= one.begin_s:
             continue
         begin_s = one.begin_s if one.begin_s <= not_before_s else one.begin_s + late_s
+        if last is not None and last.kind == "charge" and last.origin == one.origin:
+            begin_s = max(begin_s, last.end_s + late_s)
         found.append(
             Window(station=one.origin, pad=one.pad, start=from_posix(begin_s), end=from_posix(one.end_s + late_s))
         )
