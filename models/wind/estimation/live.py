@@ -39,7 +39,7 @@ from skyway.models.wind.estimation.measurement import (
     measurements,
     tilt_air_velocity,
 )
-from skyway.models.wind.estimation.systematic import dependence, prior_sigma
+from skyway.models.wind.estimation.systematic import SteadyVelocity, dependence, prior_sigma
 from skyway.models.wind.triangle import height_factor
 
 if TYPE_CHECKING:
@@ -142,6 +142,7 @@ class LiveWind:
         self._flying = False
         self._taken_s = {"autopilot": -math.inf, "airspeed": -math.inf}
         self._mean_wind = MeanWind()
+        self._steady = SteadyVelocity()
         self._flown: deque[tuple[float, ...]] = deque(maxlen=DRAG_WINDOW)
         self._slots = SlotAverages()
         self._pending: deque[tuple[WindEstimate, tuple[float, ...]]] = deque()
@@ -239,7 +240,7 @@ class LiveWind:
             mean=self._mean_wind,
         )
         self.measured.update(found.source.tolist())
-        depends = dependence(found, self.drag)
+        depends = dependence(found, self.drag, self._steady)
         for source in self._taken_s:
             times = found.time_s[found.source == source]
             self._taken_s[source] = float(times[-1]) if len(times) else self._taken_s[source]

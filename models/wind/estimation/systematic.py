@@ -11,6 +11,9 @@ o, the measurement is ``z = g - k R(o) (g - w)``. A filter that took the air vel
 its own scale (errors in variables). With ``s = k R(o) w``, the wind as the sensor scales it, ``z = s + g - k R(o) g`` is linear in s,
 k and o, with known coefficients: the filter keeps s, and the reported wind is ``R(-o) s / k`` with the covariance that follows.
 
+For the same reason g is taken without the sway of the vehicle (`SteadyVelocity`). A gust from ahead pushes a vehicle back before its controller answers: g and z
+rise together, by a tenth of a metre a second, and the filter would explain gusts by a scale that drifts on a straight leg, by 3 % a minute.
+
 For the same reason the level is never weighted by the momentary airspeed. A level that is off by b looks like a wind of b times the slope of the
 curve from drag to airspeed, which is steep where the air is slow; taken at the measured airspeed, it would be steepest in each gust from
 behind, and the filter would explain gusts by a level that drifts on a straight leg. It is taken at the airspeed without gusts
@@ -22,6 +25,7 @@ problems", Advances in Control Systems 3 (1966).
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -38,6 +42,8 @@ DRAG_SCALE, LEVEL_FORWARD, LEVEL_RIGHT, AIRSPEED_SCALE, HEADING_OFFSET, AUTOPILO
 COUNT = 7
 SWAY_MPS = 1.5
 """A drone that hovers sways with its own control, which leans with it; such slow motion does not determine scales."""
+STEADY_S = 60.0
+"""Time constant with which the steady ground velocity follows changes that are smaller than `SWAY_MPS`."""
 MIN_SCALE = 0.2
 """A scale below this is invalid: air velocities would be five times the sensor's."""
 """Systematic errors: relative, m/s2, m/s2, relative, rad, m/s, m/s."""
@@ -81,13 +87,35 @@ class Dependence:
         return cls(np.zeros((count, 2, errors)), nothing, nothing.copy())
 
 
-def dependence(found: Measurements, drag: DragModel | None) -> Dependence:
-    """Return how measurements depend on the systematic errors; `drag` is the one used for the lean."""
+class SteadyVelocity:
+    """The ground velocity as commanded: it follows turns and changes of speed at once, and what gusts make of it slowly."""
+
+    def __init__(self) -> None:
+        self._steady: NDArray[np.float64] | None = None
+        self._time_s = 0.0
+
+    def of(self, time_s: NDArray[np.float64], velocity: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the steady part of velocities in the order of their times, shape (n, 2); it continues from those before."""
+        steady = velocity.copy()
+        for row in np.flatnonzero(np.isfinite(velocity).all(axis=1)):
+            if self._steady is None or math.hypot(*(velocity[row] - self._steady)) > SWAY_MPS:
+                self._steady = velocity[row].copy()
+            else:
+                share = -math.expm1(-max(float(time_s[row]) - self._time_s, 0.0) / STEADY_S)
+                self._steady = self._steady + share * (velocity[row] - self._steady)
+            self._time_s = float(time_s[row])
+            steady[row] = self._steady
+        return steady
+
+
+def dependence(found: Measurements, drag: DragModel | None, steady: SteadyVelocity | None = None) -> Dependence:
+    """Return how measurements depend on the systematic errors; `drag` is the one used for the lean, `steady` continues from earlier ones."""
     given = Dependence.none(len(found))
+    velocity = (steady or SteadyVelocity()).of(found.time_s, found.velocity)
     for source in set(found.source.tolist()):
         rows = np.flatnonzero(found.source == source)
-        square = (found.velocity[rows] ** 2).sum(axis=1)
-        north, east = found.velocity[rows].T * square / (square + SWAY_MPS**2)
+        square = (velocity[rows] ** 2).sum(axis=1)
+        north, east = velocity[rows].T * square / (square + SWAY_MPS**2)
         given.scale[rows], given.turn[rows] = SCALED.get(source, (-1, -1))
         if source == "autopilot":
             given.sensitivity[rows, 0, AUTOPILOT_NORTH] = given.sensitivity[rows, 1, AUTOPILOT_EAST] = 1.0
