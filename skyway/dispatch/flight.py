@@ -33,7 +33,7 @@ RECORD_EVERY_S, RECORD_LATE_S = 60.0, 30.0
 ALONE_S, AGAIN_S = 120.0, 5.0
 """Longest wait for another process that still sends commands to its vehicle, and interval of the checks, s."""
 WAITS_S = 5400.0
-"""Longest wait of a flight for its take-off, s: then it ends at its station, and the dispatcher plans anew."""
+"""Longest wait of a flight for its take-off, s: then it ends at its station, and the dispatcher replans."""
 NOT_TOLD = frozenset({State.REPLANNING, State.PREFLIGHT, State.UPLOADING, State.READY, State.ARMING})
 
 

@@ -9,6 +9,7 @@ import os
 import socket
 import threading
 import time
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -139,7 +140,6 @@ class Worker:
         try:
             if self.leases.kept(self.name) is None and not self._flights:
                 self._take(self.name)
-                self._stand_in(self.name)
         except (FencedError, SkywayError):
             pass  # another process has it: wait for its end
         with self._lock:
@@ -168,20 +168,17 @@ class Worker:
         for keeper in sorted(keepers):
             if len(self._flights) >= MOST:
                 return
-            try:
+            with suppress(FencedError, SkywayError):
                 self._take(keeper)
-            except (FencedError, SkywayError):
-                continue
-            self._stand_in(keeper)
-
-    def _stand_in(self, holder: str) -> None:
-        """Tell the world that this process is in the place of a holder that was killed, so that it need not wait for it any more."""
-        LockstepClient(self.service.world, holder).close()
 
     def _take(self, holder: str) -> None:
-        """Take a lease; its former owner may not know yet that it is lost, and send to the same vehicles: the world is stopped until it does."""
+        """Take a lease, and the place of its former owner in the simulated world, which need not wait for it any more.
+
+        That owner may not know yet that the lease is lost, and send to the same vehicles: the world is stopped until it does.
+        """
         if self.leases.take(holder).token > 1:
             time.sleep(self.leases.noticed_s)
+        LockstepClient(self.service.world, holder).close()
 
     def change(self, entry: Entry, state: str, record: FlightRecord) -> Entry:
         """Write the state of a flight, under the lease of its keeper; a `FencedError`: the lease now belongs to another process."""
