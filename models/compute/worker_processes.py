@@ -17,6 +17,8 @@ if TYPE_CHECKING:
 
 LIFELINE = "SKYWAY_LIFELINE"
 """Environment variable with a port that is open as long as the program with which child processes are to end."""
+ENDS_S = 10.0
+"""How long the end of killed processes is waited for."""
 _HOST, _BACKLOG = "127.0.0.1", 512
 
 
@@ -34,11 +36,17 @@ def _end_with(sentinel: int) -> None:
 
 
 def end_workers(pool: ProcessPoolExecutor) -> None:
-    """End the processes of a pool at once, even in the middle of a job."""
+    """End the processes of a pool at once, even in the middle of a job, and its thread with them.
+
+    A thread that is still closing its pipes when the program ends makes the interpreter print a traceback.
+    """
     started = list((pool._processes or {}).values())  # noqa: SLF001  there is no other way to end a call under way
+    manager = pool._executor_manager_thread  # noqa: SLF001  `shutdown` forgets it
     pool.shutdown(wait=False, cancel_futures=True)
     for process in started:
         process.kill()
+    if manager is not None:
+        manager.join(ENDS_S)
 
 
 @contextmanager

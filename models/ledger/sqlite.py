@@ -23,7 +23,7 @@ EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 MICROSECOND = timedelta(microseconds=1)
 LOG_BYTES = 40_000_000
 """Size of the log at which it is copied into the file, which waits for the disk."""
-LOG_WAIT_MS = 1000
+LOG_WAIT_S = 1.0
 """How long the copy waits for a time without transactions."""
 BUSY_S = 60.0
 """How long a transaction waits for those of others."""
@@ -126,20 +126,38 @@ class SqliteLedger(Ledger):
         """Copy a log that has grown into the file, and truncate it.
 
         SQLite's own checkpoints do not wait for other processes. Under constant writes none of them reaches the end of the log: it grows without bound, each
-        commit beyond the limit tries again and waits for the disk, and each read searches the whole of it.
+        commit beyond the limit tries again and waits for the disk, and each read searches the whole of it. So while one process copies, the others that
+        find the log too long wait with their next transaction.
         """
-        try:
-            size = self._log.stat().st_size
-        except FileNotFoundError:
-            return
+        size, end = self._log_size(), time.monotonic() + LOG_WAIT_S
         if size < self._log_limit:
             return
-        run, unfinished = self._connection.execute, 1
-        run(f"PRAGMA busy_timeout = {LOG_WAIT_MS}")
-        with suppress(sqlite3.OperationalError):
-            unfinished = run("PRAGMA wal_checkpoint(TRUNCATE)").fetchone()[0]
-        run("PRAGMA busy_timeout = 0")
-        self._log_limit = LOG_BYTES + (size if unfinished else 0)
+        self._log_limit = LOG_BYTES
+        while not self._copied():
+            if time.monotonic() >= end:
+                self._log_limit += size
+                return
+            time.sleep(RETRY_S)
+            size = self._log_size()
+            if size < LOG_BYTES:  # another process has truncated it
+                return
+
+    def _log_size(self) -> int:
+        try:
+            return self._log.stat().st_size
+        except FileNotFoundError:
+            return 0
+
+    def _copied(self) -> bool:
+        """Whether the log could be copied to its end and truncated; if another process does it, the answer is immediate."""
+        run = self._connection.execute
+        run(f"PRAGMA busy_timeout = {round(1000 * LOG_WAIT_S)}")
+        try:
+            return not run("PRAGMA wal_checkpoint(TRUNCATE)").fetchone()[0]
+        except sqlite3.OperationalError:
+            return False
+        finally:
+            run("PRAGMA busy_timeout = 0")
 
     def _to_db(self, instant: datetime) -> int:
         return (instant - EPOCH) // MICROSECOND
