@@ -32,12 +32,16 @@ def main() -> None:
     parser.add_argument("--days", type=int, default=40)
     parser.add_argument("--start", default="2013-07-10T14:00+00:00")
     parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument(
+        "--unsupervised", action="store_true", help="drones never return: each flight is flown to its end"
+    )
     parser.add_argument("--blind", action="store_true", help="nobody sees the pads before")
     options = parser.parse_args()
     start = datetime.fromisoformat(options.start).astimezone(UTC)
     prompt = replace(USUAL, dispatch=replace(USUAL.dispatch, max_late_s=0.0))
     rows: list[tuple[int, float, bool, float]] = []
     landings: list[float] = []
+    returned = 0
     stated_below, spent_s = [], 0.0
     random = np.random.default_rng(options.seed)
     dates = [start.date() + timedelta(days=int(one) - 30) for one in random.permutation(61)]
@@ -46,7 +50,7 @@ def main() -> None:
             break
         work = city(1000 * options.seed + number, options.drones, options.orders, options.utilisation, start)
         try:
-            truth = Day(work, day, start, number)
+            truth = Day(work, day, start, number, supervised=not options.unsupervised)
         except InputError:
             continue  # the record has a gap
         seen = NOTHING_SEEN if options.blind else PadsSeen(truth.present(), {})
@@ -63,12 +67,13 @@ def main() -> None:
                 late = np.nan if one.outlook.p95 is None else float(at_s <= one.outlook.p95.timestamp())
                 rows.append((number, one.outlook.chance, at_s <= due[one.order], late))
         landings += truth.landings
+        returned += truth.returned
         stated_below.append(plan.below_reserve or 0.0)
         own = [one for one in rows if one[0] == number]
         print(f"{day}: {len(own)} promised, stated {np.mean([one[1] for one in own]):.3f}, kept {np.mean([one[2] for one in own]):.3f}", flush=True)  # fmt: skip
     _show(rows)
     below = np.mean(np.array(landings) < RESERVE - BELOW)
-    print(f"  landings below the reserve: {100 * below:.3f} % of {len(landings)}, stated {100 * np.mean(stated_below):.3f} %; worlds take {spent_s / len(stated_below):.2f} s of a processor a plan")  # fmt: skip
+    print(f"  landings below the reserve: {100 * below:.3f} % of {len(landings)} ({returned} after a return), stated {100 * np.mean(stated_below):.3f} %; worlds take {spent_s / len(stated_below):.2f} s of a processor a plan")  # fmt: skip
 
 
 def _show(rows: list[tuple[int, float, bool, float]]) -> None:

@@ -3,7 +3,7 @@
 Flights go over the shortest ways of the network, segment by segment, in the recorded wind of the day, which changes during the flight, with gusts;
 energy is power from the published endurances times a ratio of Student's t distribution; pads charge with constant rate and then with an exponential.
 Drones are processes (Python generators) that wait for each other at pads. Before a take-off a drone requires the charge of the flight in the present
-wind, times the 0.999 quantile of the energy ratio.
+wind, times the 0.999 quantile of the energy ratio. In the air, as under supervision, it returns to its origin when the wind has become too strong.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from datetime import date, datetime
 
     from skyway.models.orders.fitting import Work
-    from skyway.planner.dispatch.result import Route
+    from skyway.planner.dispatch.result import Route, Step
 
 EARTH_M = 6_371_008.8
 MASS_KG, EMPTY_S, FULL_S, PAYLOAD_KG = 4.69, 38.0 * 60.0, 24.0 * 60.0, 1.45
@@ -36,8 +36,25 @@ SURE = 3.733
 """The 0.999 quantile of Student's t distribution, in standard deviations."""
 WIND_MARGIN = 0.12
 """Margin on the energy of a flight for changes of the wind: the planner's setting `margin`."""
+SLOWEST_MPS, SHORT_M = 1.0, 1e-6
 AGAIN_S, LONGEST_S, BELOW = 600.0, 12 * 3600.0, 0.005
 Wait: TypeAlias = "Iterator[tuple[str, float]]"
+Way: TypeAlias = "tuple[float, float, np.ndarray]"
+"""A segment of a flight: its length, bearing, and weights of the sites at its middle."""
+
+
+@dataclass(frozen=True)
+class Flight:
+    """A flight of a drone."""
+
+    ways: list[Way]
+    soc: float
+    """At the take-off."""
+    rate: float
+    """Charge that it uses per second."""
+    reserve: float
+    may_return: bool
+    """Whether its origin is a station with pads, to which it returns when the wind has become too strong."""
 
 
 @dataclass
@@ -51,7 +68,7 @@ class Pads:
 class Day:
     """A day of the record, and the conditions of the drones on it."""
 
-    def __init__(self, work: Work, day: date, begin: datetime, seed: int) -> None:
+    def __init__(self, work: Work, day: date, begin: datetime, seed: int, *, supervised: bool = True) -> None:
         from scipy.sparse import csr_array
         from scipy.sparse.csgraph import shortest_path
 
@@ -70,6 +87,7 @@ class Day:
         self.pads = {one.id: Pads(one.pads) for one in network.stations if one.pads}
         self.delivered_s: dict[str, float] = {}
         self.landings: list[float] = []
+        self.supervised, self.returned = supervised, 0
         self.others = {station: self._strangers(station) for station in self.pads}
         self.now_s = self.begin_s
 
@@ -104,8 +122,8 @@ class Day:
         half = math.sin((c - a) / 2) ** 2 + math.cos(a) * math.cos(c) * math.sin((d - b) / 2) ** 2
         return 2.0 * EARTH_M * math.asin(math.sqrt(half)), math.atan2(x, y)
 
-    def ways(self, origin: str, destination: str) -> list[tuple[float, float, np.ndarray]]:
-        """Segments of a flight: length, bearing, and weights of the sites at its middle."""
+    def ways(self, origin: str, destination: str) -> list[Way]:
+        """Segments of a flight."""
         nodes, end = [self.index[destination]], self.index[origin]
         while nodes[-1] != end:
             nodes.append(int(self.before[end, nodes[-1]]))
@@ -116,26 +134,62 @@ class Day:
             found.append((*self._far(tail, head), (1.0 / far2) / (1.0 / far2).sum()))
         return found[::-1]
 
-    def flight(self, origin: str, destination: str, from_s: float, *, blind: bool) -> float:
-        """Time of a flight, s; infinite if the wind prohibits it. With `blind`, in the wind of its beginning and without gusts."""
-        time_s = from_s + CLIMB_S
-        for far_m, bearing, weight in self.ways(origin, destination):
-            gust = 1.0 if blind else 1.0 + GUST_SD * float(self.random.standard_normal())
-            left_m = far_m
-            while left_m > 1e-6:
-                slot = min(int(((from_s if blind else time_s) - self.begin_s) // 3600.0), len(self.wind) - 1)
-                north, east = gust * (weight @ self.wind[slot])
-                along, across = north * math.cos(bearing) + east * math.sin(bearing), east * math.cos(bearing) - north * math.sin(bearing)  # fmt: skip
-                steady = math.hypot(north, east) / abs(gust)
-                speed = min(math.sqrt(max(AIRSPEED_MPS**2 - across**2, 0.0)) + along, MOST_MPS)
-                if steady > WIND_LIMIT_MPS or speed < 1.0:
-                    if blind or time_s == from_s + CLIMB_S:
-                        return math.inf
-                    speed = max(speed, 1.0)  # in the air it continues
-                ends_s = math.inf if blind else self.begin_s + 3600.0 * (slot + 1)
-                lasts_s = min(left_m / speed, max(ends_s - time_s, 1e-3))
-                left_m, time_s = left_m - lasts_s * speed, time_s + lasts_s
-        return time_s - from_s
+    def wind_at(self, weight: np.ndarray, at_s: float) -> np.ndarray:
+        """Wind on a segment, m/s to north and east."""
+        return np.asarray(weight @ self.wind[min(int((at_s - self.begin_s) // 3600.0), len(self.wind) - 1)])
+
+    def speed(self, way: Way, at_s: float, gust: float = 1.0) -> float:
+        """Ground speed on a segment, m/s; a drone in the air does not stand still."""
+        _, bearing, weight = way
+        north, east = gust * self.wind_at(weight, at_s)
+        along, across = north * math.cos(bearing) + east * math.sin(bearing), east * math.cos(bearing) - north * math.sin(bearing)  # fmt: skip
+        forward = math.sqrt(max(AIRSPEED_MPS**2 - across**2, 0.0))
+        return float(np.clip(forward + along, SLOWEST_MPS, MOST_MPS))
+
+    def expected_s(self, ways: Sequence[Way], at_s: float) -> float:
+        """Time over segments in the present wind, without gusts."""
+        return float(sum(way[0] / self.speed(way, at_s) for way in ways))
+
+    def prohibited(self, ways: Sequence[Way], at_s: float) -> bool:
+        """Whether the wind prohibits to take off."""
+        return any(
+            math.hypot(*self.wind_at(way[2], at_s)) > WIND_LIMIT_MPS or self.speed(way, at_s) <= SLOWEST_MPS
+            for way in ways
+        )
+
+    def flown(self, flight: Flight, from_s: float) -> tuple[float, float, bool]:
+        """Fly: its end, s, the charge then, and whether it is at the destination; else it has returned.
+
+        On each segment and at each change of the wind, a drone that may return compares its charge with what the rest takes, in the wind that it meets and at
+        the power that it measures.
+        """
+        now_s, soc = from_s + CLIMB_S, flight.soc - flight.rate * CLIMB_S
+        behind: list[Way] = []
+        ahead, returns = list(flight.ways), False
+        while ahead:
+            (far_m, bearing, weight), gust = ahead.pop(0), 1.0 + GUST_SD * float(self.random.standard_normal())
+            while far_m > SHORT_M:
+                way = (far_m, bearing, weight)
+                if flight.may_return and not returns and self.should_return(flight, soc, now_s, [way, *ahead], behind):
+                    returns, ahead = True, behind[::-1]
+                    break
+                ends_s = self.begin_s + 3600.0 * (1 + (now_s - self.begin_s) // 3600.0)
+                lasts_s = min(far_m / self.speed(way, now_s, gust), max(ends_s - now_s, 1e-3))
+                flown_m = lasts_s * self.speed(way, now_s, gust)
+                far_m, now_s, soc = far_m - flown_m, now_s + lasts_s, soc - lasts_s * flight.rate
+                behind.append((flown_m, bearing + math.pi, weight))
+        self.returned += returns
+        return now_s, soc, not returns
+
+    def should_return(
+        self, flight: Flight, soc: float, at_s: float, ahead: Sequence[Way], behind: Sequence[Way]
+    ) -> bool:
+        """Whether the rest, with the margin for other wind, takes more than is above the reserve, and the way back takes less."""
+        onward_s = self.expected_s(ahead, at_s)
+        return (
+            soc - (1.0 + WIND_MARGIN) * flight.rate * onward_s < flight.reserve
+            and self.expected_s(behind, at_s) < onward_s
+        )
 
     def power(self, mass_kg: float) -> float:
         """Share of a battery used per second with a package."""
@@ -152,12 +206,17 @@ class Day:
         taken: set[str] = set()
         last = {one.order: number for number, one in enumerate(route.steps) if one.phase == "with the package"}
 
+        def rate(step: Step) -> float:
+            return self.power(mass[step.order] if step.phase == "with the package" and step.order else 0.0)
+
         def wants(number: int) -> float:
             flight = next((one for one in route.steps[number:] if one.kind == "fly"), None)
             if flight is None:
                 return 0.0
-            rate = self.power(mass[flight.order] if flight.phase == "with the package" and flight.order else 0.0)
-            return reserve + checked * rate * self.flight(flight.origin, flight.destination, now_s, blind=True)
+            ways = self.ways(flight.origin, flight.destination)
+            if self.prohibited(ways, now_s):
+                return math.inf
+            return reserve + checked * rate(flight) * (CLIMB_S + self.expected_s(ways, now_s))
 
         for number, step in enumerate(route.steps):
             carried = step.phase == "with the package" and step.order is not None
@@ -185,18 +244,20 @@ class Day:
                     yield f"left {step.origin}", now_s
                     if step.kind == "fly":
                         continue
+                if step.kind == "fly":
+                    ratio = max(usual + WITHIN * float(self.random.standard_t(FREEDOM)), 0.2)
+                    ways, may_return = (
+                        self.ways(step.origin, step.destination),
+                        self.supervised and step.origin in self.pads,
+                    )
+                    now_s, soc, arrived = self.flown(Flight(ways, soc, ratio * rate(step), reserve, may_return), now_s)
+                    self.landings.append(soc)
+                    if soc < 0.0:
+                        return
+                    yield "until", now_s
+                    if not arrived:
+                        continue
                 break
-            if step.kind == "fly":
-                lasts_s = self.flight(step.origin, step.destination, now_s, blind=False)
-                rate = self.power(mass[step.order] if carried and step.order is not None else 0.0)
-                if not math.isfinite(lasts_s):
-                    lasts_s = self.flight(step.origin, step.destination, now_s, blind=True)
-                soc -= max(usual + WITHIN * float(self.random.standard_t(FREEDOM)), 0.2) * rate * lasts_s
-                now_s += lasts_s
-                self.landings.append(soc)
-                if soc < 0.0:
-                    return
-                yield "until", now_s
             if carried and step.order is not None and last[step.order] == number:
                 self.delivered_s[step.order] = now_s
 
