@@ -123,6 +123,10 @@ class DroneRecord(msgspec.Struct, kw_only=True):
     system: int
     place: str
     soc: float
+    measured_s: float = 0.0
+    """When its charge was measured, POSIX seconds."""
+    idle: PlanStep | None = None
+    """Charge on a pad while it has no task."""
     flight: str | None = None
     aboard: str | None = None
     """Order whose package is on board."""

@@ -167,7 +167,7 @@ class Service:
         region = Region(record)
         vehicles = fit(region.base, (), o.fleet).vehicles
         drones = [
-            DroneRecord(vehicle=one, system=number, place=one.place, soc=one.soc)
+            DroneRecord(vehicle=one, system=number, place=one.place, soc=one.soc, measured_s=o.begin_s)
             for number, one in enumerate(vehicles, 1)
         ]
         record.drags = {name: self._drag(region.base.drone(name)) for name in sorted({one.type for one in vehicles})}
@@ -303,6 +303,7 @@ class Service:
         found = self._desk.get("service", "service")
         if self._leases.kept(self.options.dispatcher) is None:
             self._take_again(FencedError("the lease of the dispatcher is lost"))
+        self.dispatcher.end(world.posix_s())
         if found is not None:
             self._desk.put(
                 self._lease, [Entry("service", "service", found.version, "ended", found.keeper, found.document)]

@@ -167,7 +167,7 @@ def _drone(status: Status, name: str) -> dict[str, Any]:
     return {
         "id": name, "type": one.vehicle.type, "state": state, "system": one.system, "home": one.vehicle.home, "place": one.place,
         "charge_percent": 100.0 * (one.soc if progress is None or progress.soc is None else progress.soc), "lat": lat, "lon": lon,
-        "flight": one.flight, "aboard": one.aboard, "next": [part.order or part.phase for part in one.route], "reason": one.reason,
+        "flight": one.flight, "aboard": one.aboard, "idle_charge_pad": None if one.idle is None else one.idle.pad, "next": [part.order or part.phase for part in one.route], "reason": one.reason,
     }  # fmt: skip
 
 

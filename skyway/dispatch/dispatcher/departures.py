@@ -60,6 +60,8 @@ class Departures:
         for name, (state, drone) in situation.drones.items():
             if state != STANDING or drone.flight is not None or not drone.route or now_s < drone.route[0].begin_s:
                 continue
+            if drone.idle is not None:  # the pads did not answer: it is still on one
+                continue
             keeper = min(load, key=lambda one: (load[one], one))
             if load[keeper] >= MOST:
                 return

@@ -10,12 +10,13 @@ from skyway.dispatch.dispatcher.closed_legs import ClosedLegs
 from skyway.dispatch.dispatcher.departures import Departures
 from skyway.dispatch.dispatcher.events import Events
 from skyway.dispatch.dispatcher.fleet_planner import FleetPlanner
+from skyway.dispatch.dispatcher.idle_charging import IdleCharging
 from skyway.dispatch.dispatcher.promises import Promises
 from skyway.dispatch.dispatcher.reasons import Reasons
 from skyway.dispatch.dispatcher.replanning import Replanning
 from skyway.dispatch.dispatcher.seen_strangers import SeenStrangers
 from skyway.dispatch.dispatcher.situation import Situation
-from skyway.dispatch.dispatcher.windows import wanted
+from skyway.dispatch.dispatcher.windows import to_book
 from skyway.dispatch.fleet_winds import FleetForecast
 from skyway.dispatch.worker import worker_name
 from skyway.models.base.errors import SkywayError
@@ -68,6 +69,7 @@ class Dispatcher:
         self._replanning = Replanning(situation, planner, promises, bookings, holder, iterations)
         self._alone = Alone(situation, planner, promises, bookings, holder, say)
         names = [worker_name(holder, number) for number in range(1, workers + 1)]
+        self._idle = IdleCharging(situation, bookings, pads, service, say)
         self._departures = Departures(situation, promises, region, air, legs, names)
 
     def step(self, now_s: float) -> None:
@@ -84,10 +86,19 @@ class Dispatcher:
         self._alone.bring_on(now_s)
         if why:
             self._replanning.replan(now_s, why)
+        self._idle.give_way(now_s)
         self._departures.begin_due(now_s)
+        self._idle.charge(now_s)
         self._promises.refuse_too_late(now_s, self._region.planning.dispatch)
         self._situation.write(self._lease())
-        self._bookings.bring_up_to_date(wanted(self._situation, now_s), now_s)
+        self._bookings.bring_up_to_date(to_book(self._situation, now_s), now_s)
+
+    def end(self, now_s: float) -> None:
+        """End the charges of drones without a task, and release their pads."""
+        self._situation.read()
+        self._idle.end(now_s)
+        self._situation.write(self._lease())
+        self._bookings.bring_up_to_date(to_book(self._situation, now_s), now_s)
 
     @property
     def busy(self) -> bool:

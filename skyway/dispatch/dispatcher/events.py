@@ -62,7 +62,8 @@ class Events:
         safe = end.station is not None and end.state in ("delivered", "stopped-safe")
         drone.flight, drone.aboard = None, None
         drone.place = end.station or drone.place
-        drone.soc = drone.soc if end.soc is None else end.soc
+        if end.soc is not None:
+            drone.soc, drone.measured_s = end.soc, end.at_s
         if not safe:
             self._lose(flight.drone, drone, end.state, f"{end.state}: {end.reason}", why)
             drone.route = ()

@@ -6,7 +6,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from skyway.dispatch.dispatcher.fleet_planner import available
-from skyway.dispatch.dispatcher.windows import as_holds, committed, out_of_order, wanted, windows_of
+from skyway.dispatch.dispatcher.windows import as_holds, committed, out_of_order, to_book, windows_of
 from skyway.dispatch.records import WITH_PACKAGE
 from skyway.models.base.units import from_posix
 from skyway.models.ledger.ledger import TakenError
@@ -63,7 +63,7 @@ class Replanning:
         for number in range(ROUNDS):
             self._plan_orders(now_s, self._held(now_s), why)
             try:
-                self._bookings.bring_up_to_date(wanted(self._situation, now_s), now_s)
+                self._bookings.bring_up_to_date(to_book(self._situation, now_s), now_s)
             except TakenError:
                 if number == ROUNDS - 1:
                     raise

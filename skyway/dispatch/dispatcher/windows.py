@@ -26,7 +26,7 @@ def committed(situation: Situation, now_s: float) -> dict[str, list[Window]]:
 
 
 def wanted(situation: Situation, now_s: float) -> dict[str, list[Window]]:
-    """Return the windows to be booked, by itinerary: those of flights that have begun, and those of all routes."""
+    """Return the windows of flights that have begun, and those of all routes, by itinerary."""
     found = committed(situation, now_s)
     for name, (_, drone) in situation.drones.items():
         last = None
@@ -34,6 +34,24 @@ def wanted(situation: Situation, now_s: float) -> dict[str, list[Window]]:
             last = part.order or last
             found.setdefault(_itinerary(last, name), []).extend(windows_of(part.steps, not_before_s=now_s))
     return found
+
+
+def idle_windows(situation: Situation, real: Mapping[str, Sequence[Window]], now_s: float) -> dict[str, Window]:
+    """Return the windows of drones that charge without a task, by drone, without those whose pad a flight needs meanwhile."""
+    taken = [one for windows in real.values() for one in windows]
+    found = {}
+    for name, (_, drone) in situation.drones.items():
+        for window in windows_of((drone.idle,), not_before_s=now_s) if drone.idle is not None else ():
+            if not any(window.touches(one) for one in taken):
+                found[name] = window
+    return found
+
+
+def to_book(situation: Situation, now_s: float) -> dict[str, list[Window]]:
+    """Return all windows to be booked, by itinerary: the wanted ones, and those of drones that charge without a task."""
+    found = wanted(situation, now_s)
+    idle = {f"idle {name}": [one] for name, one in idle_windows(situation, found, now_s).items()}
+    return found | idle
 
 
 def out_of_order(situation: Situation) -> list[Hold]:

@@ -144,7 +144,9 @@ def _drones(found: dict[str, Any]) -> str:
     rows = []
     for one in found["drones"]:
         flight = flights.get(one["flight"])
-        doing = "" if flight is None else f"{flight['phase']} {flight['order'] or ''}: {flight['doing'] or 'begins'}"
+        doing = "" if one["idle_charge_pad"] is None else f"charges on pad {one['idle_charge_pad']}"
+        if flight is not None:
+            doing = f"{flight['phase']} {flight['order'] or ''}: {flight['doing'] or 'begins'}"
         rows.append((
             one["id"], one["type"], one["state"], one["place"], percent(one["charge_percent"] / 100.0), doing, ", ".join(one["next"]), one["reason"],
         ))  # fmt: skip
