@@ -10,8 +10,9 @@ import json
 import sqlite3
 import sys
 from collections import Counter, defaultdict
-from contextlib import closing, contextmanager
+from contextlib import closing, contextmanager, suppress
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -23,6 +24,8 @@ CLOSED = ("delivered", "refused", "handed to a person")
 ON_PAD = ("firm", "in use", "late")
 WITH_PACKAGE = "with the package"
 US = 1e6
+SHOWN_SOC = 0.005
+"""A vehicle reports whole percent."""
 
 
 @dataclass(frozen=True)
@@ -81,7 +84,13 @@ def _judged(rows: Rows, dispatcher: str, reserve: float, *, running: bool) -> Ju
                 )
     flights = [lines[-1] for lines in kinds["flight"].values()]
     _orders(kinds["order"], flights, found, running=running)
-    _drones(kinds["drone"], history, flights, found, reserve, running=running)
+    _drones(kinds["drone"], history, flights, found, running=running)
+    folders = [lines[-1].document["folder"] for lines in kinds["service"].values()]
+    charges = [
+        soc for folder in folders for one in flights for soc in _landings(Path(folder) / one.document["journal"])
+    ]
+    below = sum(soc < reserve - SHOWN_SOC for soc in charges)
+    found.figures |= {"landings": float(len(charges)), "landings below the reserve": float(below)}
     _pads(rows, found, running=running)
     return found
 
@@ -125,7 +134,6 @@ def _drones(
     history: Iterable[tuple[Any, ...]],
     flights: list[Line],
     found: Judged,
-    reserve: float,
     *,
     running: bool,
 ) -> None:
@@ -144,7 +152,6 @@ def _drones(
     by_drone: dict[str, list[Line]] = defaultdict(list)
     for one in sorted(flights, key=lambda one: one.id):
         by_drone[one.document["drone"]].append(one)
-    below = landings = 0
     for drone, own in by_drone.items():
         place = drones[drone][0].document["place"]
         for one in own:
@@ -154,17 +161,24 @@ def _drones(
             if end is None and not (running and one is own[-1]):
                 found.wrong.append(f"flight {one.id} of drone {drone} never ended")
             place = None if end is None else end["station"]
-            if end is not None and end["soc"] is not None and end["station"] is not None:
-                landings += 1
-                below += end["soc"] < reserve - 0.005
     for name, lines in drones.items():
         last = lines[-1]
         if (last.state == "flying" and not running) or (last.state == "lost" and not last.document.get("reason")):
             found.wrong.append(f"drone {name} is {last.state} at the end, and no person was informed")
     found.figures |= {
         "drones": float(len(drones)), "drones lost": float(sum(lines[-1].state == "lost" for lines in drones.values())), "flights": float(len(flights)),
-        "landings": float(landings), "landings below the reserve": float(below),
     }  # fmt: skip
+
+
+def _landings(journal: Path) -> Iterator[float]:
+    """Charge at each landing of a flight, as in its journal; a drone that stood before a flight that was not begun has not landed."""
+    if not journal.exists():
+        return
+    for line in journal.read_text(encoding="utf-8").splitlines():
+        with suppress(ValueError):  # the last line of a killed process
+            entry = json.loads(line)
+            if entry["event"] == "landed":
+                yield entry["data"]["soc"]
 
 
 def _pads(rows: Rows, found: Judged, *, running: bool) -> None:
