@@ -60,14 +60,14 @@ class Improver:
     def __init__(self, search: Search) -> None:
         self.search, self.random = search, search.random
         self.orders, self.parameters = search.problem.orders, search.parameters
-        self._ways = (self._at_random, self._near_one, self._costly, self._of_drones)
 
     def improve(self, *, end_at: float, iterations: int) -> None:
         """Search until a time, or for a number of iterations, and keep the best routes."""
         search, count = self.search, self.parameters
         if not search.orders:
             return
-        weight = np.ones(len(self._ways))
+        ways = (self._at_random, self._near_one, self._costly, self._of_drones)
+        weight = np.ones(len(ways))
         served = max(int((search.drone_of >= 0).sum()), 1)
         scale = max(float(search.routes.total.sum()) / served, 1.0) * count.cooling
         share = math.ceil(count.destroyed_share * min(search.orders, 40))
@@ -81,7 +81,7 @@ class Improver:
             if now >= end_at:
                 break
             warmth = 1.0 - max(number / iterations, (now - begin) / max(end_at - begin, 1e-9)) if keeps else 0.0
-            way = int(self.random.choice(len(self._ways), p=weight / weight.sum()))
+            way = int(self.random.choice(len(ways), p=weight / weight.sum()))
             search.watch()
             how = self.random.random()
             if how < AGAIN:
@@ -89,7 +89,7 @@ class Improver:
             elif how < AGAIN + ELSEWHERE:
                 done = self._elsewhere()
             else:
-                done = self._changed(self._ways[way](int(self.random.integers(1, most + 1))), most)
+                done = self._changed(ways[way](int(self.random.integers(1, most + 1))), most)
             cost = search.cost
             gain = GAINS[0] if cost < best_cost - 1e-6 else GAINS[1] if cost < current - 1e-6 else GAINS[2]
             weight[way] = MEMORY * weight[way] + (1.0 - MEMORY) * gain

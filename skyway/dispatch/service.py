@@ -7,6 +7,7 @@ import os
 import socket
 import time
 from collections import deque
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -88,6 +89,7 @@ class Service:
         self._workers: dict[int, subprocess.Popen[bytes]] = {}
         self._world: LockstepClient | None = None
         self._take_lease()
+        self._region: Region | None = None
         self.record = self._begun() or self._begin()
         self._coming = deque(sorted(options.orders, key=lambda one: one.ready))
         self._take_orders(self.record.begin_s if options.notice_s is not None else math.inf)
@@ -125,8 +127,11 @@ class Service:
 
     def _dispatcher(self) -> Dispatcher:
         o = self.options
+        self._region = self._region or Region(
+            self.record
+        )  # with its forecasts and scenarios, which a reopened ledger does not change
         return Dispatcher(
-            Region(self.record),
+            self._region,
             self._desk,
             self._leases,
             workers=self.record.workers,
@@ -262,6 +267,8 @@ class Service:
                 fresh = open_ledger(self.options.ledger)
             except SkywayError:
                 continue
+            with suppress(SkywayError):
+                self._desk.ledger.close()
             self._desk = Desk(fresh, self.options.dispatcher)
             self._take_lease()
             self.dispatcher = self._dispatcher()

@@ -1,5 +1,7 @@
 """The dispatcher against what it must keep: pads, charge and time of every step, a referee's optimum, and its own bound."""
 
+import gc
+import weakref
 from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 from itertools import pairwise
@@ -45,6 +47,18 @@ START = datetime(2013, 7, 10, 18, tzinfo=UTC)
 
 def solved(problem, iterations=60, seed=0):
     return solve(problem, USUAL, seed=seed, time_limit_s=120.0, iterations=iterations)
+
+
+def test_a_plan_is_given_back_without_the_garbage_collector():
+    """A dispatcher plans every few minutes for days: tables that wait for the collector made 500 MB of it."""
+    problem = small_world(0, drones=3, orders=4, stations=5)
+    gc.collect()
+    gc.disable()
+    try:
+        search = weakref.ref(solved(problem))
+        assert search() is None
+    finally:
+        gc.enable()
 
 
 @pytest.mark.parametrize("seed", range(6))
