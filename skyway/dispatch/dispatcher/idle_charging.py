@@ -23,6 +23,8 @@ if TYPE_CHECKING:
 
 LOW_SOC, CHARGED_SOC = 0.7, 0.8
 """State of charge below which a drone begins, and at which it ends: above, charging is slow, and a full battery ages faster."""
+STEP_SOC = 0.02
+"""Change of the charge that is recorded while a drone charges."""
 UNKNOWN_S = 7200.0
 """Time since its charge was measured after which a standing drone is taken for one that needs a pad, s."""
 WINDOW_S = 900.0
@@ -120,6 +122,7 @@ class IdleCharging:
             window = self._window(drone, taken, now_s)
             entry = on_pad.get(str(drone.system))
             if name in leaving or window is None or entry is None or entry.state != "charging":
+                self._measure(name, drone, entry, now_s, always=True)
                 self._take_off_pad(name, drone, now_s)
             else:
                 taken.append(_as_window(window))
@@ -129,9 +132,8 @@ class IdleCharging:
             window = self._window(drones[name], taken, now_s)
             if status.waiting or free <= 0 or window is None or self._service is None:
                 return
-            self._measure(
-                name, drones[name], self._service.charge(station, str(drones[name].system), CHARGED_SOC), now_s
-            )
+            entry = self._service.charge(station, str(drones[name].system), CHARGED_SOC)
+            self._measure(name, drones[name], entry, now_s, always=True)
             taken.append(_as_window(window))
             self._put(name, drones[name], window)
             free -= 1
@@ -152,9 +154,11 @@ class IdleCharging:
             options.insert(0, msgspec.structs.replace(before, end_s=now_s + WINDOW_S))
         return next((one for one in options if not any(_as_window(one).touches(other) for other in taken)), None)
 
-    def _measure(self, name: str, drone: DroneRecord, entry: DroneOnPad | None, now_s: float) -> None:
-        """Take the charge that the pad measures."""
-        if entry is not None and entry.soc is not None:
+    def _measure(
+        self, name: str, drone: DroneRecord, entry: DroneOnPad | None, now_s: float, *, always: bool = False
+    ) -> None:
+        """Take the charge that the pad measures, in steps: each change of a record stays in its history."""
+        if entry is not None and entry.soc is not None and (always or abs(entry.soc - drone.soc) >= STEP_SOC):
             drone.soc, drone.measured_s = min(max(entry.soc, 0.0), 1.0), now_s
             self._situation.change_drone(name, self._situation.drones[name][0], drone)
 
