@@ -60,7 +60,23 @@ def test_what_is_right_is_right(tmp_path):
     found = judged(tmp_path)
     assert found.wrong == []
     assert found.figures["orders delivered"] == found.figures["orders refused"] == 1.0
-    assert found.figures["landings"] == 2.0
+
+
+def test_landings_are_those_of_the_journals(tmp_path):
+    """A drone that stood until it was empty has an end, and no landing."""
+    service = ("service", "service", "ended", {"folder": str(tmp_path)})
+    lines = [
+        service,
+        *((kind, id_, state, told | ({"journal": f"{id_}.jsonl"} if kind == "flight" else {})) for kind, id_, state, told in GOOD),
+    ]  # fmt: skip
+    landed = [json.dumps({"event": "landed", "data": {"soc": soc}}) for soc in (0.42, 0.18, 0.196)]
+    (tmp_path / "1 d1.jsonl").write_text(
+        "\n".join([json.dumps({"event": "end", "data": {"soc": 0.05}}), *landed, '{"event": "lan'])
+    )
+    found = judged(tmp_path, lines)
+    assert found.wrong == []
+    assert found.figures["landings"] == 3.0
+    assert found.figures["landings below the reserve"] == 1.0
 
 
 def changed(number, state=None, document=None):
