@@ -75,7 +75,13 @@ class Options:
 
 
 def put_order(desk: Desk, order: Order) -> None:
-    """Add an order to a desk; an `InputError` if its id exists already."""
+    """Add an order to a desk; an `InputError` if its id exists already, or the service has ended, so that nobody would serve it."""
+    service = desk.get("service", "service")
+    if service is not None and service.state == "ended":
+        raise InputError(
+            "the service of this name has ended", field="--holder", value=desk.dispatcher,
+            remedy="start another one: skyway dispatch run with another --holder",
+        )  # fmt: skip
     desk.put_down("order", order.id, "new", written(OrderRecord(order=order, place=order.origin)))
 
 

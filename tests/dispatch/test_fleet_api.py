@@ -67,6 +67,19 @@ def client(ledger, monkeypatch):
     return Client(ledger)
 
 
+def test_an_order_for_a_service_that_has_ended_is_refused(ledger, client):
+    """Nobody would serve it, and it would stay new for ever."""
+    with open_ledger(ledger) as book:
+        desk, lease = Desk(book, "dispatch"), book.acquire("dispatch", "test")
+        found = desk.get("service", "service")
+        desk.put(lease, [Entry("service", "service", found.version, "ended", "dispatch", found.document)])
+    status, text = client.post("/orders", ORDER)
+    assert status == 422
+    assert "has ended" in text
+    with open_ledger(ledger) as book:
+        assert Desk(book, "dispatch").get("order", "serum") is None
+
+
 def test_an_order_is_taken_once_and_told(client):
     assert client.post("/orders", ORDER)[0] == 201
     status, problem = client.post("/orders", ORDER)
