@@ -312,7 +312,7 @@ class Service:
             self._workers[number] = start(words, Path(self.record.folder) / f"worker-{number}.out")
 
     def _end(self, world: LockstepClient) -> None:
-        """End the service: workers finish their flights and end, and then the world."""
+        """End the service: workers finish their flights and end, open orders are closed, and then the world ends."""
         found = self._desk.get("service", "service")
         if self._leases.kept(self.options.dispatcher) is None:
             self._take_again(FencedError("the lease of the dispatcher is lost"))
@@ -323,4 +323,5 @@ class Service:
             )
         while any(one.poll() is None for one in self._workers.values()):
             world.sleep_until(world.now_s() + EVERY_S)
+        self.dispatcher.close(world.posix_s())
         world.order("end")

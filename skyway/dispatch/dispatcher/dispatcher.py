@@ -18,6 +18,7 @@ from skyway.dispatch.dispatcher.seen_strangers import SeenStrangers
 from skyway.dispatch.dispatcher.situation import Situation
 from skyway.dispatch.dispatcher.windows import to_book
 from skyway.dispatch.fleet_winds import FleetForecast
+from skyway.dispatch.records import OPEN
 from skyway.dispatch.worker import worker_name
 from skyway.models.base.errors import SkywayError
 
@@ -112,3 +113,22 @@ class Dispatcher:
         if kept is None:
             raise SkywayError("the lease of the dispatcher is lost")
         return kept
+
+    def close(self, now_s: float) -> None:
+        """Process the flights that ended since, at the end of the service, and close the orders that are still open: each has an end and a reason."""
+        situation = self._situation
+        situation.read()
+        self._events.take_ends(now_s, Reasons())
+        flying = {flight.order for _, flight in situation.flights.values()}
+        for name, (state, order) in list(situation.orders.items()):
+            if state == "aboard" or name in flying:
+                order.reason = order.reason or "the service ended while its drone was flying"
+                self._promises.hand_over(name, order)
+            elif state in OPEN:
+                order.reason = "the service ended before its flight"
+                self._promises.refuse(name, order)
+        for name, (state, drone) in situation.drones.items():
+            drone.route = ()
+            situation.change_drone(name, state, drone)
+        situation.write(self._lease())
+        self._bookings.bring_up_to_date(to_book(situation, now_s), now_s)
