@@ -174,8 +174,9 @@ class Day:
                     returns, ahead = True, behind[::-1]
                     break
                 ends_s = self.begin_s + 3600.0 * (1 + (now_s - self.begin_s) // 3600.0)
-                lasts_s = min(far_m / self.speed(way, now_s, gust), max(ends_s - now_s, 1e-3))
-                flown_m = lasts_s * self.speed(way, now_s, gust)
+                speed = self.speed(way, now_s, gust)
+                lasts_s = min(far_m / speed, max(ends_s - now_s, 1e-3))
+                flown_m = lasts_s * speed
                 far_m, now_s, soc = far_m - flown_m, now_s + lasts_s, soc - lasts_s * flight.rate
                 behind.append((flown_m, bearing + math.pi, weight))
         self.returned += returns
@@ -246,11 +247,11 @@ class Day:
                         continue
                 if step.kind == "fly":
                     ratio = max(usual + WITHIN * float(self.random.standard_t(FREEDOM)), 0.2)
-                    ways, may_return = (
-                        self.ways(step.origin, step.destination),
-                        self.supervised and step.origin in self.pads,
-                    )
-                    now_s, soc, arrived = self.flown(Flight(ways, soc, ratio * rate(step), reserve, may_return), now_s)
+                    flight = Flight(
+                        self.ways(step.origin, step.destination), soc, ratio * rate(step), reserve,
+                        may_return=self.supervised and step.origin in self.pads,
+                    )  # fmt: skip
+                    now_s, soc, arrived = self.flown(flight, now_s)
                     self.landings.append(soc)
                     if soc < 0.0:
                         return

@@ -41,7 +41,8 @@ def end_workers(pool: ProcessPoolExecutor) -> None:
     A thread that is still closing its pipes when the program ends makes the interpreter print a traceback.
     """
     started = list((pool._processes or {}).values())  # noqa: SLF001  there is no other way to end a call under way
-    manager: threading.Thread | None = pool._executor_manager_thread  # type: ignore[assignment]  # noqa: SLF001  `shutdown` forgets it
+    # `shutdown` forgets the thread; typeshed has another type for it.
+    manager: threading.Thread | None = pool._executor_manager_thread  # type: ignore[assignment]  # noqa: SLF001
     pool.shutdown(wait=False, cancel_futures=True)
     for process in started:
         process.kill()

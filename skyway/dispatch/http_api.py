@@ -14,7 +14,7 @@ from fastapi import FastAPI, HTTPException, Request, Response
 from fastapi.responses import JSONResponse, PlainTextResponse
 from pydantic import BaseModel, ConfigDict, Field
 
-from skyway.dispatch.service import put_order
+from skyway.dispatch.service import put_order, refuse_ended
 from skyway.dispatch.status import document_of, order_document, prometheus, status_of
 from skyway.models.base.errors import InputError
 from skyway.models.ledger.desk import Desk
@@ -122,6 +122,7 @@ def application(ledger: str, dispatcher: str, *, token: str | None = None) -> Fa
         one = order_of(values, "order")
         place = desk()
         with place.ledger:
+            refuse_ended(place.get("service", "service"))
             put_order(place, one)
             return _order_status(place, order.id)
 

@@ -74,14 +74,15 @@ class Options:
     say: Callable[[str], None] = field(default=print)
 
 
-def put_order(desk: Desk, order: Order) -> None:
-    """Add an order to a desk; an `InputError` if its id exists already, or the service has ended, so that nobody would serve it."""
-    service = desk.get("service", "service")
+def refuse_ended(service: Entry | None) -> None:
+    """Refuse a service that has ended, with an `InputError`: it is not resumed, and nobody would serve its orders."""
     if service is not None and service.state == "ended":
-        raise InputError(
-            "the service of this name has ended", field="--holder", value=desk.dispatcher,
-            remedy="start another one: skyway dispatch run with another --holder",
-        )  # fmt: skip
+        remedy = "name another --holder, or another ledger"
+        raise InputError("the service of this name has ended", field="--holder", value=service.keeper, remedy=remedy)
+
+
+def put_order(desk: Desk, order: Order) -> None:
+    """Add an order to a desk; an `InputError` if its id exists already."""
     desk.put_down("order", order.id, "new", written(OrderRecord(order=order, place=order.origin)))
 
 
@@ -133,9 +134,8 @@ class Service:
 
     def _dispatcher(self) -> Dispatcher:
         o = self.options
-        self._region = self._region or Region(
-            self.record
-        )  # with its forecasts and scenarios, which a reopened ledger does not change
+        if self._region is None:  # a reopened ledger does not change it
+            self._region = Region(self.record)
         return Dispatcher(
             self._region,
             self._desk,
@@ -155,11 +155,7 @@ class Service:
         found = self._desk.get("service", "service")
         if found is None:
             return None
-        if found.state == "ended":
-            remedy = "name another --holder, or another ledger"
-            raise InputError(
-                "the service of this name has ended", field="--holder", value=self.options.dispatcher, remedy=remedy
-            )
+        refuse_ended(found)
         record = read(found, ServiceRecord)
         if not record.world:
             record = self._with_world(found, record)
@@ -175,7 +171,7 @@ class Service:
             begin_s=o.begin_s, folder=str(o.folder.resolve()), ledger=o.ledger, scenario=o.scenario, wind=o.wind, actual_wind=o.actual_wind,
             reserve=o.reserve, workers=o.workers, ttl_s=o.ttl_s, settings=list(o.settings), seed=o.seed, strangers=o.strangers,
         )  # fmt: skip
-        region = Region(record)
+        region = self._region = Region(record)
         vehicles = fit(region.base, (), o.fleet).vehicles
         drones = [
             DroneRecord(vehicle=one, system=number, place=one.place, soc=one.soc, measured_s=o.begin_s)
@@ -316,12 +312,12 @@ class Service:
         found = self._desk.get("service", "service")
         if self._leases.kept(self.options.dispatcher) is None:
             self._take_again(FencedError("the lease of the dispatcher is lost"))
-        self.dispatcher.end(world.posix_s())
+        self.dispatcher.end_idle_charges(world.posix_s())
         if found is not None:
             self._desk.put(
                 self._lease, [Entry("service", "service", found.version, "ended", found.keeper, found.document)]
             )
         while any(one.poll() is None for one in self._workers.values()):
             world.sleep_until(world.now_s() + EVERY_S)
-        self.dispatcher.close(world.posix_s())
+        self.dispatcher.close_orders(world.posix_s())
         world.order("end")

@@ -4,7 +4,7 @@ from datetime import timedelta
 
 import pytest
 from fleet_runs import START
-from sim_station import LAT, LON, Stage
+from sim_station import LAT, LON, pads_stage
 
 from skyway.dispatch.dispatcher.bookings import Bookings
 from skyway.dispatch.dispatcher.idle_charging import AGAIN_S, CHARGED_SOC, LOOK_S, UNKNOWN_S, WINDOW_S, IdleCharging
@@ -14,11 +14,9 @@ from skyway.dispatch.records import DroneRecord, PlannedPart, PlanStep
 from skyway.models.ledger.audit import audit
 from skyway.models.ledger.desk import Desk
 from skyway.models.ledger.opening import open_ledger
-from skyway.models.network.station import Station as Place
 from skyway.models.orders.order import Vehicle
 from skyway.models.queues.pad_service import PadServiceError
 from skyway.sim_stub.config import VehicleConfig
-from skyway.sim_stub.pads import Pads
 
 NOW_S = START.timestamp()
 
@@ -27,11 +25,7 @@ class Yard:
     """A station with a simulated drone 1 at half charge, and the idle charges of its dispatcher."""
 
     def __init__(self, book, *, pads=1, soc=0.5):
-        self.stage = Stage("px4", stations=[Place("here", "here", LAT, LON, 5.0, pads, 4)], soc=soc)
-        port = self.stage.vehicle.radio.ports[0]
-        port.streams.clear()
-        port.reschedule()
-        self.pads = Pads(self.stage.world)
+        self.stage, self.pads = pads_stage(pads, 4, soc=soc)
         self.book, lease = book, book.acquire("dispatch", "process")
         self.situation = Situation(Desk(book, "dispatch"))
         self.bookings = Bookings(book, "dispatch", lambda: lease, {"here": pads})

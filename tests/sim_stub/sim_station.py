@@ -4,7 +4,9 @@ import math
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
+from skyway.models.network.station import Station as Place
 from skyway.sim_stub.config import VehicleConfig
+from skyway.sim_stub.pads import Pads
 from skyway.sim_stub.plant.physics import offset_m
 from skyway.sim_stub.plant.wind_truth import ConstantWind
 from skyway.sim_stub.transports.lockstep import Lockstep
@@ -189,6 +191,15 @@ class Stage:
     def rest(self, seconds=900.0):
         """Let it fly until it stands disarmed."""
         self.station.until(lambda: not self.pilot.armed and self.vehicle.body.grounded, seconds)
+
+
+def pads_stage(pads=1, spots=1, load=None, soc=0.4, seed=1, **place):
+    """One vehicle that stands at a station with pads, and the pads."""
+    stage = Stage("px4", stations=[Place("here", "here", LAT, LON, 5.0, pads, spots, **place)], soc=soc)
+    port = stage.vehicle.radio.ports[0]
+    port.streams.clear()  # hours on a pad, and nobody listens
+    port.reschedule()
+    return stage, Pads(stage.world, load, seed=seed)
 
 
 def leg(*, distance=400.0, height=40.0):

@@ -5,7 +5,7 @@ from datetime import UTC, datetime, timedelta
 
 import numpy as np
 import pytest
-from sim_station import LAT, LON, Stage
+from sim_station import LAT, LON, pads_stage
 
 from skyway.models.network.station import Station as Place
 from skyway.models.queues.load import WEEK_H, PadLoad
@@ -20,14 +20,6 @@ from skyway.models.queues.pad_service import (
 from skyway.sim_stub.config import VehicleConfig
 from skyway.sim_stub.pads import Pads
 from skyway.sim_stub.world import World
-
-
-def pads_stage(pads=1, spots=1, load=None, soc=0.4, seed=1, **place):
-    stage = Stage("px4", stations=[Place("here", "here", LAT, LON, 5.0, pads, spots, **place)], soc=soc)
-    port = stage.vehicle.radio.ports[0]
-    port.streams.clear()  # hours on a pad, and nobody listens
-    port.reschedule()
-    return stage, Pads(stage.world, load, seed=seed)
 
 
 def test_a_pad_charges_by_the_curve_and_stops_where_it_was_asked_to():

@@ -91,13 +91,34 @@ class Dispatcher:
         self._departures.begin_due(now_s)
         self._idle.charge(now_s)
         self._promises.refuse_too_late(now_s, self._region.planning.dispatch)
-        self._situation.write(self._lease())
-        self._bookings.bring_up_to_date(to_book(self._situation, now_s), now_s)
+        self._write(now_s)
 
-    def end(self, now_s: float) -> None:
-        """End the charges of drones without a task, and release their pads."""
+    def end_idle_charges(self, now_s: float) -> None:
+        """End the charges of drones without a task, at the end of the service."""
         self._situation.read()
         self._idle.end(now_s)
+        self._write(now_s)
+
+    def close_orders(self, now_s: float) -> None:
+        """Process the flights that ended since, and close the orders that are still open: each has an end and a reason."""
+        situation = self._situation
+        situation.read()
+        self._events.take_ends(now_s, Reasons())
+        flying = {flight.order for _, flight in situation.flights.values()}
+        for name, (state, order) in list(situation.orders.items()):
+            if state == "aboard" or name in flying:
+                order.reason = order.reason or "the service ended while its drone was flying"
+                self._promises.hand_over(name, order)
+            elif state in OPEN:
+                order.reason = "the service ended before its flight"
+                self._promises.refuse(name, order)
+        for name, (state, drone) in situation.drones.items():
+            drone.route = ()
+            situation.change_drone(name, state, drone)
+        self._write(now_s)
+
+    def _write(self, now_s: float) -> None:
+        """Write the changes to the desk, and bring the bookings into agreement with them."""
         self._situation.write(self._lease())
         self._bookings.bring_up_to_date(to_book(self._situation, now_s), now_s)
 
@@ -113,22 +134,3 @@ class Dispatcher:
         if kept is None:
             raise SkywayError("the lease of the dispatcher is lost")
         return kept
-
-    def close(self, now_s: float) -> None:
-        """Process the flights that ended since, at the end of the service, and close the orders that are still open: each has an end and a reason."""
-        situation = self._situation
-        situation.read()
-        self._events.take_ends(now_s, Reasons())
-        flying = {flight.order for _, flight in situation.flights.values()}
-        for name, (state, order) in list(situation.orders.items()):
-            if state == "aboard" or name in flying:
-                order.reason = order.reason or "the service ended while its drone was flying"
-                self._promises.hand_over(name, order)
-            elif state in OPEN:
-                order.reason = "the service ended before its flight"
-                self._promises.refuse(name, order)
-        for name, (state, drone) in situation.drones.items():
-            drone.route = ()
-            situation.change_drone(name, state, drone)
-        situation.write(self._lease())
-        self._bookings.bring_up_to_date(to_book(situation, now_s), now_s)

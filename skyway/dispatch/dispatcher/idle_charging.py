@@ -7,11 +7,9 @@ from typing import TYPE_CHECKING
 
 import msgspec
 
-from skyway.dispatch.dispatcher.windows import idle_windows, out_of_order, wanted
+from skyway.dispatch.dispatcher.windows import idle_windows, out_of_order, wanted, windows_of
 from skyway.dispatch.records import STANDING, PlanStep
 from skyway.models.base.errors import SkywayError
-from skyway.models.base.units import from_posix
-from skyway.models.ledger.window import Window
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
@@ -19,6 +17,7 @@ if TYPE_CHECKING:
     from skyway.dispatch.dispatcher.bookings import Bookings
     from skyway.dispatch.dispatcher.situation import Situation
     from skyway.dispatch.records import DroneRecord
+    from skyway.models.ledger.window import Window
     from skyway.models.queues.pad_service import DroneOnPad, PadService, StationStatus
 
 LOW_SOC, CHARGED_SOC = 0.7, 0.8
@@ -61,8 +60,11 @@ class IdleCharging:
 
     def give_way(self, now_s: float) -> None:
         """Take drones off their pads that have a flight to begin, or whose pad is booked."""
+        charging = self._charging()
+        if not charging:
+            return
         kept = idle_windows(self._situation, wanted(self._situation, now_s), now_s)
-        for name, drone in self._charging().items():
+        for name, drone in charging.items():
             due = bool(drone.route) and drone.route[0].begin_s <= now_s
             if due or name not in kept:
                 self._take_off_pad(name, drone, now_s)
@@ -81,7 +83,10 @@ class IdleCharging:
         taken = self._taken(now_s)
         for station, names in here.items():
             try:
-                self._at(station, names, self._service.status(station), taken, now_s)
+                status = self._service.status(station)
+                self._continue(names, status, taken, now_s)
+                if not status.waiting:
+                    self._begin(self._service, station, names, status.pads - status.busy, taken, now_s)
             except SkywayError as error:
                 self._say(f"no drone without a task charges at {station}: {error}")
 
@@ -95,9 +100,8 @@ class IdleCharging:
 
     def _needs_charge(self, name: str, now_s: float) -> bool:
         state, drone = self._situation.drones[name]
-        idle = (
-            state == STANDING and drone.flight is None and drone.aboard is None and self._pads.get(drone.place, 0) > 0
-        )
+        idle = state == STANDING and drone.flight is None and drone.aboard is None and drone.idle is None
+        idle = idle and self._pads.get(drone.place, 0) > 0
         soon = bool(drone.route) and drone.route[0].begin_s <= now_s + WINDOW_S
         low = drone.soc < LOW_SOC or now_s > drone.measured_s + UNKNOWN_S
         return idle and low and not soon and now_s >= self._left_s.get(name, -math.inf) + AGAIN_S
@@ -108,15 +112,13 @@ class IdleCharging:
         others = [one.window for one in self._bookings.of_others(now_s)]
         return [*real, *others, *(one.window for one in out_of_order(self._situation))]
 
-    def _at(self, station: str, names: Sequence[str], status: StationStatus, taken: list[Window], now_s: float) -> None:
-        """Continue, end and begin charges at one station."""
-        drones = {name: self._situation.drones[name][1] for name in names}
+    def _continue(self, names: Sequence[str], status: StationStatus, taken: list[Window], now_s: float) -> None:
+        """Continue the charges at a station, or end them; those that wait get the pads of the drones with the most charge."""
+        drones = self._situation.drones
+        charging = {name: drones[name][1] for name in names if drones[name][1].idle is not None}
         on_pad = {one.drone: one for one in status.drones}
-        charging = {name: one for name, one in drones.items() if one.idle is not None}
-        free = status.pads - status.busy
         for name, drone in charging.items():
             self._measure(name, drone, on_pad.get(str(drone.system)), now_s)
-        # Those that wait get the pads of the drones with the most charge.
         leaving = sorted(charging, key=lambda name: -charging[name].soc)[: status.waiting]
         for name, drone in charging.items():
             window = self._window(drone, taken, now_s)
@@ -125,18 +127,20 @@ class IdleCharging:
                 self._measure(name, drone, entry, now_s, always=True)
                 self._take_off_pad(name, drone, now_s)
             else:
-                taken.append(_as_window(window))
-                self._put(name, drone, window)
-        waiting = [name for name in names if name not in charging]
-        for name in sorted(waiting, key=lambda name: drones[name].soc):
-            window = self._window(drones[name], taken, now_s)
-            if status.waiting or free <= 0 or window is None or self._service is None:
+                self._put(name, drone, window, taken)
+
+    def _begin(
+        self, service: PadService, station: str, names: Sequence[str], free: int, taken: list[Window], now_s: float
+    ) -> None:
+        """Begin charges at a station, on so many free pads, the emptiest drone first."""
+        standing = {name: self._situation.drones[name][1] for name in names if self._needs_charge(name, now_s)}
+        for name in sorted(standing, key=lambda name: standing[name].soc)[: max(free, 0)]:
+            drone = standing[name]
+            window = self._window(drone, taken, now_s)
+            if window is None:
                 return
-            entry = self._service.charge(station, str(drones[name].system), CHARGED_SOC)
-            self._measure(name, drones[name], entry, now_s, always=True)
-            taken.append(_as_window(window))
-            self._put(name, drones[name], window)
-            free -= 1
+            self._measure(name, drone, service.charge(station, str(drone.system), CHARGED_SOC), now_s, always=True)
+            self._put(name, drone, window, taken)
 
     def _window(self, drone: DroneRecord, taken: Sequence[Window], now_s: float) -> PlanStep | None:
         """Return a window of a drone on a pad that nobody else needs until its end, on the same pad if possible; None if all are needed."""
@@ -152,7 +156,8 @@ class IdleCharging:
             options.insert(0, before)
         elif before is not None:
             options.insert(0, msgspec.structs.replace(before, end_s=now_s + WINDOW_S))
-        return next((one for one in options if not any(_as_window(one).touches(other) for other in taken)), None)
+        free = (one for one in options if not any(own.touches(other) for own in windows_of((one,)) for other in taken))
+        return next(free, None)
 
     def _measure(
         self, name: str, drone: DroneRecord, entry: DroneOnPad | None, now_s: float, *, always: bool = False
@@ -160,10 +165,15 @@ class IdleCharging:
         """Take the charge that the pad measures, in steps: each change of a record stays in its history."""
         if entry is not None and entry.soc is not None and (always or abs(entry.soc - drone.soc) >= STEP_SOC):
             drone.soc, drone.measured_s = min(max(entry.soc, 0.0), 1.0), now_s
-            self._situation.change_drone(name, self._situation.drones[name][0], drone)
+            self._change(name, drone)
 
-    def _put(self, name: str, drone: DroneRecord, window: PlanStep) -> None:
+    def _put(self, name: str, drone: DroneRecord, window: PlanStep, taken: list[Window]) -> None:
+        """Take a window for a drone."""
         drone.idle = window
+        taken += windows_of((window,))
+        self._change(name, drone)
+
+    def _change(self, name: str, drone: DroneRecord) -> None:
         self._situation.change_drone(name, self._situation.drones[name][0], drone)
 
     def _take_off_pad(self, name: str, drone: DroneRecord, now_s: float) -> None:
@@ -177,8 +187,4 @@ class IdleCharging:
             return
         drone.idle = None
         self._left_s[name] = now_s
-        self._situation.change_drone(name, self._situation.drones[name][0], drone)
-
-
-def _as_window(step: PlanStep) -> Window:
-    return Window(station=step.origin, pad=step.pad or 1, start=from_posix(step.begin_s), end=from_posix(step.end_s))
+        self._change(name, drone)

@@ -144,9 +144,11 @@ def _drones(found: dict[str, Any]) -> str:
     rows = []
     for one in found["drones"]:
         flight = flights.get(one["flight"])
-        doing = "" if one["idle_charge_pad"] is None else f"charges on pad {one['idle_charge_pad']}"
+        doing = ""
         if flight is not None:
             doing = f"{flight['phase']} {flight['order'] or ''}: {flight['doing'] or 'begins'}"
+        elif one["idle_charge_pad"] is not None:
+            doing = f"charges on pad {one['idle_charge_pad']}"
         rows.append((
             one["id"], one["type"], one["state"], one["place"], percent(one["charge_percent"] / 100.0), doing, ", ".join(one["next"]), one["reason"],
         ))  # fmt: skip

@@ -47,7 +47,7 @@ def add(
       skyway orders add late.csv --ledger ledger.db
       skyway orders add --ledger ledger.db --id serum --from bellevue --to jacobi --mass 0.4 --ready 2013-07-10T15:00-04:00 --due 2013-07-10T17:00-04:00
     """
-    from skyway.dispatch.service import put_order
+    from skyway.dispatch.service import put_order, refuse_ended
     from skyway.models.ledger.desk import Desk
     from skyway.models.ledger.opening import open_ledger
     from skyway.models.orders.files import order_of, read_orders
@@ -62,9 +62,11 @@ def add(
         found = read_orders(file)
     with open_ledger(ledger, create=False) as book:
         desk = Desk(book, holder)
-        if desk.get("service", "service") is None:
+        service = desk.get("service", "service")
+        if service is None:
             remedy = "start it first: skyway dispatch run"
             raise InputError("the ledger has no dispatcher of this name", field="--holder", value=holder, remedy=remedy)
+        refuse_ended(service)
         known = [one.id for one in found if desk.get("order", one.id) is not None]
         if known:
             raise InputError(
