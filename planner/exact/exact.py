@@ -166,7 +166,7 @@ class ExactSearch(GuidedSearch):
         for beyond in self.parameters.proof_cells:
             if self._proved() or not self._time_is_left:
                 return
-            until_s = min(max(self.lower_bound_s, forward.arrive_s) + beyond * forward.cells.step_s, self.best_s)
+            until_s = min(max(self.lower_bound_s, forward.arrive_s) + beyond * forward.cells.step_s, self._better_s)
             needed = needed_to_land(self.problem, self._speeds, self.queues, self._margin, until_s)
             guide = run_backward(whole, self._costs, forward, needed, self._come_by_s(until_s))
             keep = guide.used.copy()
@@ -208,7 +208,7 @@ class ExactSearch(GuidedSearch):
                 if not whole.whole and self._time_limit_s > 0.0:  # however soon it ends, it ends with a bound
                     self._bounded = self._bound()
                 if self._time_is_left:
-                    self._refine(part, guide, needed, min(deadline, self.best_s), at_once=True)
+                    self._refine(part, guide, needed, min(deadline, self._better_s), at_once=True)
             if self._answer is not None or deadline >= until_s or self._given_up:
                 return
         self._nothing_before(whole, until_s)

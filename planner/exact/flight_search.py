@@ -33,7 +33,7 @@ class Asked(NamedTuple):
     leave: NDArray[np.float64]
     """Shape (cells,). Most charge that the drone can take off with up to the end of each cell; -inf where with none."""
     need: NDArray[np.float64]
-    """Shape (nodes, cells). Least charge that it must have over each node; infinite where there is no way."""
+    """Shape (cells, nodes). Least charge that it must have over each node; infinite where there is no way."""
     soc_per_s: float
     soc_fixed: float
     """A flight of T seconds takes ``soc_fixed + soc_per_s * T``."""
@@ -59,9 +59,9 @@ def _may_serve(asked: Asked, node: int, climb_s: float, took_s: float, between_s
     spent = asked.soc_fixed + asked.soc_per_s * took_s - 10.0 * LOOSE
     first = cell_of(cells, 0.0, between_s[0] - 0.01)
     for j in range(first, min(cell_of(cells, 0.0, between_s[1] + 0.01), cells.length - 1) + 1):
-        if asked.need[node, j] < NEVER:
+        if asked.need[j, node] < NEVER:
             off = cell_of(cells, -climb_s, cells.over_s + (j + 1) * cells.step_s - took_s)
-            if asked.leave[min(off, cells.length - 1)] - spent >= asked.need[node, j]:
+            if asked.leave[min(off, cells.length - 1)] - spent >= asked.need[j, node]:
                 return True
     return False
 

@@ -10,6 +10,9 @@ charge until the gate: then it is only left to find one way to the station where
   forward pass says what charge it can have had: so the search begins that much earlier, and on the ground each drone only charges
   until the gate. Where the surroundings of the destination open last, hundreds of stations are reached in time to spare, and the few flights
   after the gate alone decide.
+
+What lands at a station before the last opening, or in its cell, has no more charge then than the drone that the search begins with there. So the
+guide of that search leaves out such landings: few stations remain from which a drone that is in the air at the opening arrives in time.
 """
 
 from __future__ import annotations
@@ -41,20 +44,24 @@ class Gate:
     """POSIX seconds."""
     cell: int
     """Cell of the forward pass that holds take-offs at that time."""
+    shut: bool
+    """Whether no drone is in the air, and none lands in the cell before it."""
     before: int
-    """Cells before it with take-offs of drones that may be in the air at that time; none where all is shut."""
+    """Cells before it with take-offs of drones that may be in the air at that time; one where all is shut, for where drones stand."""
     forward: Forward
     """Of that pass, what can be had from these cells on."""
 
     @property
-    def shut(self) -> bool:
-        """Whether no drone is in the air."""
-        return self.before == 0
+    def landed_by(self) -> int:
+        """Cell of the grid of `forward` in which drones that have landed have no more charge than the stop labels of `roots`; none if shut."""
+        return -1 if self.shut else self.before
 
     def roots(self, stop_labels: StopLabels, guide: Guide) -> list[StopLabel]:
         """Return the best stop label that a drone can have at each station that may be left in time after the gate, or to be in the air then."""
         part = stop_labels.subnetwork
         most = np.maximum.accumulate(self.forward.leave[: self.before + 1])
+        if self.shut:
+            most[-1, np.isneginf(most[0])] = -np.inf  # a drone that comes after it
         may_stand = part.has_pads.copy()
         may_stand[part.origin] = not stop_labels.problem.in_flight
         wanted = may_stand & np.isfinite(most[-1]) & (guide.window[:, 1] >= guide.window[:, 0])
@@ -62,6 +69,9 @@ class Gate:
 
     def _root(self, stop_labels: StopLabels, node: int, most: NDArray[np.float64]) -> StopLabel:
         curve_s, curve_soc = stop_labels.curve(node)
+        if self.shut:
+            charged_s = float(np.interp(most[0], curve_soc, curve_s)) + self.forward.cells.step_s
+            most = np.minimum(most[-1:], np.interp(charged_s, curve_s, curve_soc))
         potential = float(np.interp(most[-1], curve_soc, curve_s)) - self.time_s
         on_pad = np.array([[self.time_s, potential, self.time_s]])
         if not stop_labels.subnetwork.has_pads[node]:
@@ -73,7 +83,7 @@ class Gate:
             - _EARLY_S
             + cells.step_s * np.arange(first, len(most), dtype=np.float64)
         )
-        begin_s[-1] = self.time_s if first == self.before else min(begin_s[-1], self.time_s)
+        begin_s[-1] = self.time_s if len(begin_s) == 1 else min(begin_s[-1], self.time_s)
         return StopLabel(node, on_pad, _steps(begin_s, most[first:]), (curve_s, curve_soc))
 
     def only_over(self, nodes: NDArray[np.int64], shape: tuple[int, int]) -> NDArray[np.bool_]:
@@ -110,14 +120,14 @@ def last_gates(part: Subnetwork, forward: Forward, before_s: float, longest_s: f
             continue
         flown = used[used < slot]
         shut = bool(slot - 1 - (flown[-1] if len(flown) else -1) >= longest_s / table.slot_s)
-        aloft = 0 if shut else int(longest_s / cells.step_s) + 1
+        aloft = 1 if shut else int(longest_s / cells.step_s) + 1
         if not shut and (gates or (in_flight and aloft >= cell)):
             continue
         before = min(aloft, cell)
         first = cell - before
         later = cells._replace(over_s=cells.over_s + first * cells.step_s, length=cells.length - first)
         kept = Forward(later, forward.over[first:], forward.leave[first:], forward.arrive_s, forward.least_s)
-        gates.append(Gate(time_s, cell, before, kept))
+        gates.append(Gate(time_s, cell, shut, before, kept))
         if shut:
             break
     return gates

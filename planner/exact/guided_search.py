@@ -111,6 +111,14 @@ class GuidedSearch:
         return max(self.best_s - self.lower_bound_s, 0.0) / least if least > 0.0 else math.inf
 
     @property
+    def _better_s(self) -> float:
+        """When a delivery must have landed to be better than the best that was found, POSIX seconds.
+
+        That is less than the arrival of the latter: at a busy destination all that come within minutes land at the same time.
+        """
+        return self.best_s - GAIN_S
+
+    @property
     def _dense(self) -> bool:
         """Whether the network is dense as a whole."""
         return len(self.problem.network.head) > self.parameters.dense_segments
@@ -202,12 +210,12 @@ class GuidedSearch:
                 if found >= until:
                     break
                 gates.remove(gate)  # it bounds no further
-            until = min(until, self.best_s)
+            until = min(until, self._better_s)
             if least < until:
                 narrow = run_backward(part, self._costs, forward, needed, self._come_by_s(until))
                 if self._run(part, narrow, forward, needed, until, self._stop_at, least_s=least):
                     return
-            if until >= min(deadline_s, self.best_s) or self._given_up:
+            if until >= min(deadline_s, self._better_s) or self._given_up:
                 return
             least = until
 
@@ -218,19 +226,22 @@ class GuidedSearch:
 
         Where there is a way to the station where its best delivery begins, with all that can be had there, that is the answer.
         """
-        guide = run_backward(part, self._costs, gate.forward, needed, self._come_by_s(until_s))
+        come_by = self._come_by_s(until_s)
+        guide = run_backward(part, self._costs, gate.forward, needed, come_by, landed_by=gate.landed_by)
         small, guide, after = _where_used(part, guide, gate.forward)
-        most = math.inf
+        one = self._round(small, guide, after, needed, until_s, self._stop_at, landed_by=gate.landed_by)
+        roots = replace(gate, forward=after).roots(one.stop_labels, guide)
         if not gate.shut:
             most = self.parameters.gate_labels if part.whole else self.parameters.near_labels
-        one = self._round(small, guide, after, needed, until_s, self._stop_at, most)
-        one.run(replace(gate, forward=after).roots(one.stop_labels, guide))
+            one.most = min(one.most, most + len(roots))
+        one.run(roots)
         self.labels_expanded += one.labels_expanded
         if not one.complete:
             return self.lower_bound_s
         least = one.stop_labels.best_s
+        known = self.lower_bound_s if part.whole else self._near_bound_s
         self._nothing_before(part, least)
-        if one.best is None or self._proved():
+        if one.best is None or self._proved() or least <= known:
             return least
         walks = [np.array(leg.segments) for leg in one.stop_labels.trace(*one.best)]
         network, segments = self.problem.network, np.concatenate(walks)
@@ -253,6 +264,7 @@ class GuidedSearch:
         stop_at: float,
         most_labels: float = math.inf,
         least_s: float = -math.inf,
+        landed_by: int = -1,
     ) -> Round:
         """Return a search of labels for arrivals until some time, before which nothing arrives until `least_s`."""
         stop_labels = StopLabels(self.problem, self.queues, part, needed, margin_soc_per_s=self._margin)
@@ -268,6 +280,7 @@ class GuidedSearch:
             enough=math.inf if part.whole else self.parameters.near_labels,
             least_s=max(self.lower_bound_s, least_s),
             end_at=self._end_at,
+            landed_by=landed_by,
         )
 
     def _run(

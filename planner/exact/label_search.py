@@ -65,7 +65,7 @@ class Round:
     `guide` and `forward` are the relaxation's for this deadline; `needed` is that of
     `planner.exact.escape.needed_at_destination`. The search ends after `most` labels, or `enough` with an answer; at the time `end_at` of
     `time.perf_counter`; at `stop_at` once there is an answer, or where it is `answered` already; and with an answer
-    that arrives at `least_s`, before which nothing arrives.
+    that arrives at `least_s`, before which nothing arrives. `landed_by` is that of `run_backward`.
     """
 
     def __init__(
@@ -81,6 +81,7 @@ class Round:
         enough: float = math.inf,
         least_s: float = -math.inf,
         end_at: float = math.inf,
+        landed_by: int = -1,
     ) -> None:
         self.stop_labels = stop_labels
         self.guide = guide
@@ -92,6 +93,7 @@ class Round:
         self.enough = enough
         self.least_s = least_s
         self.end_at = end_at
+        self.landed_by = landed_by
         self.complete = True
         """Whether the search came to its end."""
         self.labels_expanded = 0
@@ -103,6 +105,8 @@ class Round:
         self._flights: dict[int, tuple[NDArray[np.int64], NDArray[np.float64]]] = {}
         self._heap: list[tuple[float, int, Label]] = []
         self._count = 0
+        self._onward = not answered  # whether an answer is looked for by nearness
+        self._flights_bytes = 0
 
     def run(self, roots: Sequence[StopLabel] | None = None) -> None:
         """Search to the end, from the origin or from other stop labels."""
@@ -115,12 +119,21 @@ class Round:
             after = self._expand(label)
             if self.best is not None and self.stop_labels.best_s <= self.least_s + GAIN_S:
                 return
+            self._in_order()
             most = self.most if self.best is None else min(self.most, self.enough)
             if self.labels_expanded >= most or self._late():
                 self.complete = False
                 return
             # Until there is an answer the best continuation is followed at once.
             label = after if self.best is None and after is not None else self._next()
+
+    def _in_order(self) -> None:
+        """Once there is an answer, or none in so many labels, continue what has the most to spare: a proof is shortest so."""
+        most = self.stop_labels.problem.parameters.exact.nearness_labels
+        if self._onward and (self.best is not None or self.labels_expanded >= most):
+            self._onward = False
+            self._heap = [(-self._rank(label), number, label) for _, number, label in self._heap]
+            heapq.heapify(self._heap)
 
     def _late(self) -> bool:
         answered = self.answered or self.best is not None
@@ -165,9 +178,11 @@ class Round:
             window_s = float(off[0]) - guide.cells.step_s, float(off[1]) + guide.cells.step_s  # rounding is much less
             asked = Asked(guide.cells, leave, guide.need, costs.soc_per_s, costs.soc_fixed, *window_s)
             longest_s = self.stop_labels.longest_s
-            if sum(pieces.nbytes for _, pieces in self._flights.values()) > MOST_BYTES:
+            if self._flights_bytes > MOST_BYTES:
                 self._flights.clear()
+                self._flights_bytes = 0
             self._flights[node] = flights_from(table, node, slots, longest_s, guide.used, asked)
+            self._flights_bytes += self._flights[node][1].nbytes
         return self._flights[node]
 
     def _expand(self, label: Label) -> Label | None:
@@ -208,7 +223,7 @@ class Round:
             after = StopLabel(node, z, h, stop_labels.curve(node))
             after.__dict__["g"] = g
             following = Label(after, label, guide, spare)
-            if self.best is None and (best is None or spare > best.slack_s):
+            if self.best is None and (best is None or self._rank(following) > self._rank(best)):
                 best, following = following, best
             if following is not None:
                 self._push(following)
@@ -216,7 +231,14 @@ class Round:
 
     def _push(self, label: Label) -> None:
         self._count += 1
-        heapq.heappush(self._heap, (-label.slack_s, self._count, label))
+        heapq.heappush(self._heap, (-self._rank(label), self._count, label))
+
+    def _rank(self, label: Label) -> float:
+        """How soon a label is to be continued, s: by what it has to spare and, for a first answer, by how near it is to the destination."""
+        if not self._onward:
+            return label.slack_s
+        nearness = self.stop_labels.problem.parameters.exact.nearness
+        return label.slack_s - nearness * float(self.forward.least_s[label.stop_label.node])
 
     def _keep(self, chain: list[StopLabel], arrive_s: float, leave_s: float) -> None:
         stop_labels = self.stop_labels
@@ -229,7 +251,8 @@ class Round:
                 stop_labels.costs,
                 self.forward,
                 self.needed,
-                come_by_s(stop_labels.problem, stop_labels.queues, arrive_s),
+                come_by_s(stop_labels.problem, stop_labels.queues, arrive_s - GAIN_S),
+                landed_by=self.landed_by,
             )
 
 

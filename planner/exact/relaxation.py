@@ -4,9 +4,10 @@ Time is cut into cells of some seconds, and everything in a cell is taken at its
 time in a cell is as good as one there at its beginning that leaves at its end. On this grid two passes cost little: one
 forward in time finds the most charge that the drone can have at each node in each cell, and with it the earliest
 arrival; one backward from a deadline finds the least charge with which it can still be on time. Both know of wind hour
-by hour, overflight, queues, reserve, the charging curve and a full battery; both forget that a segment must be open in
-all slots its flight touches. Whatever lies outside either of them cannot be part
-of a composition that arrives by the deadline.
+by hour, overflight, queues, reserve, the charging curve and a full battery. Of the rule that a segment must be open in all
+slots that its flight touches they know what follows from two of these: no flight is over a segment that was closed when it
+took off, and none is over one that closes before it can have landed. Whatever lies outside either of the passes cannot be
+part of a composition that arrives by the deadline.
 
 Gains by rounding must not feed themselves: charging for the whole of a cell and flying on within it gains nothing while a
 cell is shorter than the charging that a take-off and landing ask for (`longest_cell_s`), or than the shortest segment takes.
@@ -21,16 +22,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from skyway.planner.exact.relaxation_grid_kernels import Cells, least_times
-from skyway.planner.exact.relaxation_kernels import Pass, backward_pass, forward_pass, in_time
+from skyway.planner.exact.relaxation_backward_kernels import backward_pass
+from skyway.planner.exact.relaxation_grid_kernels import Cells, Waits, least_times
+from skyway.planner.exact.relaxation_kernels import Pass, forward_pass, in_time, needed_where
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from skyway.planner.exact.stop_label_kernels import Costs
     from skyway.planner.exact.subnetwork import Subnetwork
-
-_LOOSE = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,10 +65,8 @@ class Guide:
     """The grid."""
     leave: NDArray[np.float64]
     """Shape (cells, nodes). Least charge to leave each node with; infinite where there is no way."""
-    over: NDArray[np.bool_]
-    """Shape (cells, nodes). Where the drone can be over a node on such a way."""
     need: NDArray[np.float64]
-    """Shape (nodes, cells). Least charge to be over each node with on such a way; infinite where there is none."""
+    """Shape (cells, nodes). Least charge to be over each node with on such a way; infinite where there is none."""
     window: NDArray[np.int64]
     """Shape (nodes, 2). First and last cell in which it can leave each node; the last is before the first where it
     cannot."""
@@ -76,7 +74,12 @@ class Guide:
     @cached_property
     def used(self) -> NDArray[np.bool_]:
         """Which nodes such a way can lead over at all, shape (nodes,)."""
-        return np.asarray(self.over.any(axis=0))
+        return np.asarray(np.isfinite(self.need.min(axis=0, initial=np.inf)))
+
+    @property
+    def over(self) -> NDArray[np.bool_]:
+        """Where the drone can be over a node on such a way, shape (cells, nodes)."""
+        return np.isfinite(self.need)
 
 
 def longest_cell_s(subnetwork: Subnetwork, costs: Costs) -> float:
@@ -117,16 +120,21 @@ def _pass(
     needed: NDArray[np.float64],
     allowed: NDArray[np.bool_],
     ratio: int,
+    landed_by: int = -1,
 ) -> Pass:
     table = subnetwork.table
-    pad, spot = subnetwork.waits(cells)
+    waits = subnetwork.waits(cells)
+    if landed_by >= 0:
+        waits = Waits(waits.pad_s.copy(), waits.spot_s.copy(), waits.pad_cell.copy(), waits.spot_cell.copy())
+        landed = waits.spot_cell <= landed_by
+        waits.pad_s[landed] = waits.spot_s[landed] = np.inf
+        waits.pad_cell[landed] = waits.spot_cell[landed] = cells.length
     return Pass(
         table,
         subnetwork.grounds,
         costs,
         cells,
-        pad,
-        spot,
+        waits,
         subnetwork.has_pads,
         subnetwork.destination,
         needed,
@@ -169,10 +177,11 @@ def run_backward(
     needed: NDArray[np.float64],
     deadline_s: float,
     within: NDArray[np.bool_] | None = None,
+    landed_by: int = -1,
 ) -> Guide:
     """Find what is needed to arrive by a deadline, where the forward pass on the same grid has been.
 
-    By ways `within` cells and nodes alone, shape (cells, nodes), if they are given.
+    By ways `within` cells and nodes alone, shape (cells, nodes), if they are given, on which no drone lands in time to leave again in the cell `landed_by`.
     """
     table = subnetwork.table
     cells = forward.cells
@@ -180,21 +189,15 @@ def run_backward(
     if within is not None:
         allowed &= within
     least_charge = needed_in(cells, table.descent_s, needed, deadline_s)
-    over, leave = backward_pass(_pass(subnetwork, costs, cells, least_charge, allowed, 1))
-    can_leave = (forward.leave >= leave - _LOOSE) & (leave < np.inf)
-    any_cell = can_leave.any(axis=0)
-    first = np.argmax(can_leave, axis=0)
-    last = cells.length - 1 - np.argmax(can_leave[::-1], axis=0)
-    window = np.column_stack((np.where(any_cell, first, 0), np.where(any_cell, last, -1)))
-    on_way = (forward.over >= over - _LOOSE) & (over < np.inf)
-    return Guide(cells, leave.copy(), on_way, np.ascontiguousarray(np.where(on_way, over, np.inf).T), window)
+    over, leave = backward_pass(_pass(subnetwork, costs, cells, least_charge, allowed, 1, landed_by))
+    need, window = needed_where(over, leave, forward.over, forward.leave)
+    return Guide(cells, leave.copy(), need, window)
 
 
 def only_nodes(guide: Guide, forward: Forward, keep: NDArray[np.bool_]) -> tuple[Guide, Forward]:
     """Return the same for some of the nodes, as in `planner.exact.subnetwork.narrowed`."""
-    over = np.ascontiguousarray(guide.over[:, keep])
-    one = Guide(guide.cells, guide.leave[:, keep], over, guide.need[keep], guide.window[keep])
-    other = Forward(
-        forward.cells, forward.over[:, keep], forward.leave[:, keep], forward.arrive_s, forward.least_s[keep]
+    leave, need, has_over, has_leave = (
+        np.compress(keep, rows, axis=1) for rows in (guide.leave, guide.need, forward.over, forward.leave)
     )
-    return one, other
+    narrow = Guide(guide.cells, leave, need, guide.window[keep])
+    return narrow, Forward(forward.cells, has_over, has_leave, forward.arrive_s, forward.least_s[keep])

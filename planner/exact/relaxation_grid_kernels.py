@@ -55,11 +55,20 @@ def cell_of(cells: Cells, shift_s: float, time_s: float) -> int:
     return max(int(math.floor(x + 1e-9)), 0)
 
 
+class Waits(NamedTuple):
+    """What arrivals at the beginning of each cell wait for, shape (cells, nodes) each."""
+
+    pad_s: NDArray[np.float64]
+    spot_s: NDArray[np.float64]
+    """When they get a pad, and a place to land, POSIX seconds."""
+    pad_cell: NDArray[np.int32]
+    spot_cell: NDArray[np.int32]
+    """The first cell with take-offs from then on; as many as there are cells if that is after the last."""
+
+
 @compiled
-def queue_cells(
-    grounds: Grounds, cells: Cells, descent_s: float, nodes: int
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """When arrivals at the beginning of each cell get a pad, and a place to land, shape (cells, nodes); POSIX seconds.
+def queue_cells(grounds: Grounds, cells: Cells, climb_s: float, descent_s: float, nodes: int) -> Waits:
+    """Return what arrivals wait for.
 
     A drone that arrives at a behind the first i others has a pad at max(a + delay_i, pad_i), lands at max(a, land_i).
 
@@ -67,6 +76,8 @@ def queue_cells(
     """
     pad = np.empty((cells.length, nodes))
     spot = np.empty((cells.length, nodes))
+    pad_cell = np.empty((cells.length, nodes), dtype=np.int32)
+    spot_cell = np.empty((cells.length, nodes), dtype=np.int32)
     for node in range(nodes):
         low, high = grounds.queue_offset[node], grounds.queue_offset[node + 1]
         k = low
@@ -77,7 +88,9 @@ def queue_cells(
                 k += 1
             pad[i, node] = max(arrive + grounds.delay_s[k], grounds.pad_s[k])
             spot[i, node] = max(arrive, grounds.land_s[k])
-    return pad, spot
+            pad_cell[i, node] = cell_of(cells, -climb_s, pad[i, node])
+            spot_cell[i, node] = cell_of(cells, -climb_s, spot[i, node])
+    return Waits(pad, spot, pad_cell, spot_cell)
 
 
 @compiled
@@ -124,8 +137,14 @@ class Open(NamedTuple):
     """Shape (segments,) each. Segment, where it leads, and seconds over it at the ground speed of the slot."""
     steps: NDArray[np.int64]
     """Whole cells of these."""
+    place: NDArray[np.int64]
+    """Where a flight ends that begins in cell i, in cells by nodes one behind the other: this much after the beginning of cell i."""
     ratio: NDArray[np.float64]
     """Ground speed over that of the next slot; 0 where it is closed then."""
+    opened: NDArray[np.bool_]
+    """Whether it was closed in the slot before."""
+    longest_s: NDArray[np.float64]
+    """Shape (nodes,). The longest of `takes_s`."""
 
 
 @compiled
@@ -134,8 +153,10 @@ def open_in(table: FlightTable, slot: int, step_s: float) -> Open:
     nodes, size = len(table.first) - 1, len(table.head)
     following = min(slot + 1, len(table.speed_mps) - 1)
     first = np.zeros(nodes + 1, dtype=np.int64)
-    number, head, steps = np.empty(size, dtype=np.int64), np.empty(size, dtype=np.int64), np.empty(size, dtype=np.int64)
-    takes_s, ratio = np.empty(size), np.empty(size)
+    whole = np.empty((4, size), dtype=np.int64)
+    number, head, steps, place = whole[0], whole[1], whole[2], whole[3]
+    takes_s, ratio, opened = np.empty(size), np.empty(size), np.zeros(size, dtype=np.bool_)
+    longest_s = np.zeros(nodes)
     count = 0
     for node in range(nodes):
         for segment in range(table.first[node], table.first[node + 1]):
@@ -144,11 +165,22 @@ def open_in(table: FlightTable, slot: int, step_s: float) -> Open:
                 continue
             number[count], head[count] = segment, table.head[segment]
             takes_s[count] = table.distance_m[segment] / speed
+            longest_s[node] = max(longest_s[node], takes_s[count])
             steps[count] = int(takes_s[count] / step_s)
+            place[count] = steps[count] * nodes + head[count]
             ratio[count] = speed / then if then > 0.0 else 0.0
+            opened[count] = slot > 0 and table.speed_mps[slot - 1, segment] <= 0.0
             count += 1
         first[node + 1] = count
-    return Open(first, number, head, takes_s, steps, ratio)
+    return Open(first, number, head, takes_s, steps, place, ratio, opened, longest_s)
+
+
+@compiled
+def regular_s(table: FlightTable, slot: int, x: float, step_s: float) -> float:
+    """Return how long flights over a segment may take to need no look at the slots beside that of the cell that begins at x: `crossed` knows of the others."""
+    if slot > 0 and x < table.start_s + slot * table.slot_s + table.climb_s:
+        return -1.0
+    return table_slot_end(table, slot) - x - step_s - table.descent_s
 
 
 @compiled_lean
@@ -159,21 +191,31 @@ def crossed(
 
     `in_slot` is when the cell begins, its slot and the slot's end, POSIX seconds. A flight that takes T in the slot and has s seconds of it
     left ends after s + (T - s) v / w, with v / w the ratio of its speed to that of the next slot.
+
+    No segment of a flight may be closed in any slot between take-off and touch-down. So one that has just been opened is
+    entered a climb after the slot's beginning at the soonest, and one that is closed next is left a descent before its end.
     """
     over_s, slot, ends = in_slot
     takes_s, ratio, step_s = open_now.takes_s[k], open_now.ratio[k], cells.step_s
-    # What is left of the slot where it is entered at the two ends of the cell.
-    left_s, later_s = ends - over_s, ends - over_s - step_s
-    if takes_s <= later_s:
-        return i + open_now.steps[k], i + open_now.steps[k] + 1, takes_s
-    if ratio <= 0.0:  # what flies is there before the next slot
+    waits_s = 0.0
+    if open_now.opened[k]:
+        waits_s = max(table.start_s + slot * table.slot_s + table.climb_s - over_s, 0.0)
+        if waits_s > step_s:
+            return -1, -2, NEVER
+    # What is left of the slot where it is entered first and last in the cell.
+    left_s, later_s = ends - over_s - waits_s, ends - over_s - step_s
+    if ratio <= 0.0:  # what flies is down before the next slot
+        left_s, later_s = left_s - table.descent_s, later_s - table.descent_s
         if takes_s > left_s + 1e-6:
             return -1, -2, NEVER
-        return i + int(takes_s / step_s - _TIE), i + int(left_s / step_s + _TIE), takes_s
+    if takes_s <= later_s:
+        return i + int((waits_s + takes_s) / step_s - _TIE), i + open_now.steps[k] + 1, takes_s
+    if ratio <= 0.0:
+        return i + int((waits_s + takes_s) / step_s - _TIE), i + int((waits_s + left_s) / step_s + _TIE), takes_s
     begin = takes_s if takes_s <= left_s else left_s + (takes_s - left_s) * ratio
     end = later_s + (takes_s - later_s) * ratio
     if over_s + step_s + end <= table_slot_end(table, slot + 1):
-        return i + int(begin / step_s - _TIE), i + 1 + int(end / step_s + _TIE), min(begin, end)
+        return i + int((waits_s + begin) / step_s - _TIE), i + 1 + int(end / step_s + _TIE), min(begin, end)
     return crossing(table, cells, open_now.number[k], over_s)
 
 
@@ -190,37 +232,49 @@ def nearest_first(open_now: Open, step_s: float) -> NDArray[np.int64]:
             if open_now.takes_s[k] > 1.001 * step_s:
                 continue
             m = low + inner[node]
-            for one in (open_now.number, open_now.head, open_now.steps):
+            for one in (open_now.number, open_now.head, open_now.steps, open_now.place):
                 one[k], one[m] = one[m], one[k]
+            open_now.opened[k], open_now.opened[m] = open_now.opened[m], open_now.opened[k]
             for other in (open_now.takes_s, open_now.ratio):
                 other[k], other[m] = other[m], other[k]
             inner[node] += 1
     return inner
 
 
-@compiled
+@compiled_lean
 def time_from_empty(grounds: Grounds, node: int, soc: float) -> float:
     """F^-1: time on a pad of a node from empty to a charge, s."""
     kind = grounds.curve_of[node]
-    # Most charging is along the first, straight piece.
-    if grounds.curve_soc[kind, 0] <= soc < grounds.curve_soc[kind, 1]:
-        part = (soc - grounds.curve_soc[kind, 0]) / (grounds.curve_soc[kind, 1] - grounds.curve_soc[kind, 0])
-        time: float = grounds.curve_s[kind, 0] + part * (grounds.curve_s[kind, 1] - grounds.curve_s[kind, 0])
-        return time
-    last = grounds.curve_points[kind]
-    return interpolate(soc, grounds.curve_soc[kind, :last], grounds.curve_s[kind, :last])
+    return _along_row(grounds.curve_soc, grounds.curve_s, kind, grounds.curve_points[kind], soc)
 
 
-@compiled
+@compiled_lean
 def charge_after(grounds: Grounds, node: int, time_s: float) -> float:
     """F: charge after a time on a pad of a node, from empty."""
     kind = grounds.curve_of[node]
-    if grounds.curve_s[kind, 0] <= time_s < grounds.curve_s[kind, 1]:
-        part = (time_s - grounds.curve_s[kind, 0]) / (grounds.curve_s[kind, 1] - grounds.curve_s[kind, 0])
-        soc: float = grounds.curve_soc[kind, 0] + part * (grounds.curve_soc[kind, 1] - grounds.curve_soc[kind, 0])
-        return soc
-    last = grounds.curve_points[kind]
-    return interpolate(time_s, grounds.curve_s[kind, :last], grounds.curve_soc[kind, :last])
+    return _along_row(grounds.curve_s, grounds.curve_soc, kind, grounds.curve_points[kind], time_s)
+
+
+@compiled_lean
+def _along_row(xs: NDArray[np.float64], ys: NDArray[np.float64], row: int, points: int, x: float) -> float:
+    """Piecewise-linear function through the first points of a row, whose x increase, constant outside them."""
+    y: float
+    if x <= xs[row, 0]:
+        y = ys[row, 0]
+        return y
+    if x >= xs[row, points - 1]:
+        y = ys[row, points - 1]
+        return y
+    # The last point at or before x: mostly the first one, as most charging is along the first, straight piece.
+    k, high = 0, 1 if x < xs[row, 1] else points - 1
+    while high - k > 1:
+        middle = (k + high) // 2
+        if xs[row, middle] <= x:
+            k = middle
+        else:
+            high = middle
+    y = ys[row, k] + (ys[row, k + 1] - ys[row, k]) * ((x - xs[row, k]) / (xs[row, k + 1] - xs[row, k]))
+    return y
 
 
 @compiled

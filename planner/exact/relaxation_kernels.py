@@ -32,11 +32,13 @@ from skyway.models.jit.compiled import compiled
 from skyway.planner.exact.relaxation_grid_kernels import (
     LOOSE,
     Cells,
+    Waits,
     cell_of,
     charge_after,
     crossed,
     nearest_first,
     open_in,
+    regular_s,
     time_from_empty,
 )
 from skyway.planner.problem.flight_table import table_slot, table_slot_end
@@ -58,9 +60,8 @@ class Pass(NamedTuple):
     costs: Costs
     cells: Cells
     """Flights, stations, what flights and charging cost, and the grid."""
-    pad_s: NDArray[np.float64]
-    spot_s: NDArray[np.float64]
-    """Shape (cells, nodes) each. Of `queue_cells`, POSIX seconds."""
+    waits: Waits
+    """Of `queue_cells`."""
     has_pads: NDArray[np.bool_]
     """Shape (nodes,). Where a drone can land on its way."""
     goal: int
@@ -108,11 +109,16 @@ def forward_pass(  # noqa: PLR0915  one loop: taking it apart costs more than th
         Cell of the first touch-down at the destination (beyond all cells: none) and the last one filled.
     """
     table, grounds, costs, cells = one.table, one.grounds, one.costs, one.cells
-    pad_s, spot_s, has_pads = one.pad_s, one.spot_s, one.has_pads
+    waits, has_pads = one.waits, one.has_pads
     allowed, goal, ratio = one.allowed, one.goal, one.ratio
     nodes = len(table.first) - 1
-    rows = np.full((5, cells.length, nodes), _NONE)
-    over, rest, leave, landed, onto = rows[0], rows[1], rows[2], rows[3], rows[4]
+    margin = costs.margin_soc_per_s > 0.0  # without one the second value of each node is the first
+    rows = np.full((7 if margin else 5, cells.length, nodes), _NONE)
+    over, leave, landed, onto = rows[0], rows[1], rows[2], rows[3]
+    # Over a node by flights that may end in a cell or in the one after it; those and `over` for reserve and margin alone.
+    soon = rows[4]
+    rest, soon_rest = (rows[5], rows[6]) if margin else (over, soon)
+    flat, flat_rest = soon.reshape(-1), soon_rest.reshape(-1)
     h, z = np.full(nodes, _NONE), np.full(nodes, _NONE)  # most charge landed and potential reached so far
     seen = np.zeros(nodes, dtype=np.bool_)
     start, soc, depart_s, first_pad_s, at_once = origin
@@ -126,7 +132,6 @@ def forward_pass(  # noqa: PLR0915  one loop: taking it apart costs more than th
     least_s, deadline = remaining
     last, found = cells.length - 1, cells.length
     per_s, strict = costs.soc_per_s, costs.soc_per_s + costs.margin_soc_per_s
-    margin = costs.margin_soc_per_s > 0.0  # without one the second value of each node is the first
     # Charge of a climb; least charge to land with; terms of the bound that drops what is late.
     climb = costs.soc_fixed + per_s * table.climb_s
     enough = costs.reserve - LOOSE + strict * table.descent_s
@@ -145,8 +150,15 @@ def forward_pass(  # noqa: PLR0915  one loop: taking it apart costs more than th
             open_now = open_in(table, slot, cells.step_s)
             inner = nearest_first(open_now, cells.step_s)
         ends = table_slot_end(table, slot)
-        inside = ends - x - cells.step_s
+        inside = regular_s(table, slot, x, cells.step_s)
         down_by = x + cells.step_s + table.descent_s
+        for before in range(max(i - 1, 0), i + 1):
+            for node in range(nodes):
+                over[i, node] = max(over[i, node], soon[before, node])
+                if margin:
+                    rest[i, node] = max(rest[i, node], soon_rest[before, node])
+        for node in range(nodes):
+            seen[node] |= over[i, node] > _NONE
         # Every node reached so far is looked at in each cell: the drone may have charged meanwhile.
         stale = seen.copy()
         again = True
@@ -175,15 +187,15 @@ def forward_pass(  # noqa: PLR0915  one loop: taking it apart costs more than th
                         deadline = min(deadline, down_by + more_s)
                 elif has_pads[node]:
                     # A station: down, hovering until there is a place, then landed and onto the pad.
-                    hover = max(0.0, spot_s[i, node] - down_by) + table.descent_s
+                    hover = max(0.0, waits.spot_s[i, node] - down_by) + table.descent_s
                     down = charge - per_s * hover
                     if left - strict * hover >= costs.reserve - LOOSE:
-                        cell = cell_of(cells, -table.climb_s, spot_s[i, node])
+                        cell = waits.spot_cell[i, node]
                         if cell < cells.length:
                             landed[cell, node] = max(landed[cell, node], down)
-                        cell = cell_of(cells, -table.climb_s, pad_s[i, node])
+                        cell = waits.pad_cell[i, node]
                         if cell < cells.length:
-                            u = time_from_empty(grounds, node, down) - pad_s[i, node]
+                            u = time_from_empty(grounds, node, down) - waits.pad_s[i, node]
                             onto[cell, node] = max(onto[cell, node], u)
                 # H, Z and leave.
                 h[node], z[node] = max(h[node], landed[i, node]), max(z[node], onto[i, node])
@@ -193,8 +205,9 @@ def forward_pass(  # noqa: PLR0915  one loop: taking it apart costs more than th
                 if at_once and node == start and i > begin:
                     off = _NONE
                 leave[i, node] = off
-                # Take off: over the node with what is left after the climb, unless that is late.
+                # Take off: over the node with what is left after the climb, unless that is late or all is shut.
                 off -= climb
+                barred |= open_now.first[node] == open_now.first[node + 1]
                 late = max(x + flight, full_s + flight * drain - (off / costs.rate_per_s - x)) > deadline
                 if not barred and not late:
                     charge, left = max(charge, off), max(left, off - costs.margin_soc_per_s * table.climb_s)
@@ -218,23 +231,40 @@ def forward_pass(  # noqa: PLR0915  one loop: taking it apart costs more than th
                             rest[i, other] = max(lesser, rest[i, other])
                         seen[other] = stale[other] = again = True
         # Cruise: charge over other nodes in the later cells in which a flight over the segment may end.
+        # A flight within the slot takes one time, whenever it enters, and ends in one of two cells.
+        regular = min(inside, (cells.length - 1 - i) * cells.step_s)
         for node in range(nodes):
             charge = over[i, node]
             left = rest[i, node] if margin else charge
             if left < enough:
                 continue
-            for k in range(open_now.first[node], open_now.first[node + 1]):
-                # A flight within the slot takes one time, whenever it enters.
+            low, high = open_now.first[node], open_now.first[node + 1]
+            special = high if open_now.longest_s[node] > regular else low + inner[node]
+            for k in range(special, high):
+                place = i * nodes + open_now.place[k]
+                less = charge - per_s * open_now.takes_s[k]
+                if margin:
+                    lesser = left - strict * open_now.takes_s[k]
+                    if lesser >= enough:
+                        flat[place] = max(less, flat[place])
+                        flat_rest[place] = max(lesser, flat_rest[place])
+                elif less >= enough:
+                    flat[place] = max(less, flat[place])
+            for k in range(low, special):
                 least = open_now.takes_s[k]
                 cell = i + open_now.steps[k]
                 end = cell + 1
+                if least <= regular and not margin and cell > i:
+                    place, less = i * nodes + open_now.place[k], charge - per_s * least
+                    if less >= enough:
+                        flat[place] = max(less, flat[place])
+                    continue
                 if least > inside:
                     cell, end, least = crossed(table, cells, open_now, k, i, (x, slot, ends))
                 less, lesser = charge - per_s * least, left - strict * least
                 if lesser < enough:
                     continue
                 other = open_now.head[k]
-                seen[other] = True
                 cell, end = max(cell, i + 1), min(end, cells.length - 1)
                 while cell <= end:
                     over[cell, other] = max(less, over[cell, other])
@@ -245,121 +275,37 @@ def forward_pass(  # noqa: PLR0915  one loop: taking it apart costs more than th
 
 
 @compiled
-def backward_pass(one: Pass) -> tuple[NDArray[np.float64], NDArray[np.float64]]:  # noqa: PLR0915  as above
-    """Least charge from which the destination can be reached in time, over each node and on leaving it.
+def needed_where(
+    over: NDArray[np.float64], leave: NDArray[np.float64], has_over: NDArray[np.float64], has_leave: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    """Return what is needed over nodes where a drone can have it, and when it can leave them with what that takes.
 
-    The mirror of `forward_pass`, with the last cell first. A_i(v) is the least charge over node v:
+    Takes arrays of the cells and nodes.
 
-        A_i(v)     = min(A_j(w) + c T over the segments (v, w) and the cells j in which they may end,  landing)
-        leave_i(v) = the first of these alone, + k + c climb
-        landing    = needed + c descent at the destination; at another station max(reserve, stay) + c (hover + descent)
-        stay       = min(leave_j(v) for the j from the cell of the touch-down on,  F(pad time + Z))
-        Z          = least F^-1(leave_j(v)) - (x_(j+1) - climb) for the j from the cell of the pad time on
-
-    With a margin m, `rest` is the least charge for reserve and margin alone, at c + m a second.
-
-    Takes a `Pass` of `planner.exact.relaxation`: a cell or more, and arrays of its cells and nodes.
+    Parameters
+    ----------
+    over, leave, has_over, has_leave : ndarray, shape (cells, nodes)
+        Of `backward_pass` and of `forward_pass`.
 
     Returns
     -------
-    over, leave : ndarray, shape (cells, nodes)
-        A and leave; infinite where there is no way.
+    need : ndarray, shape (cells, nodes)
+        The former `over`; infinite where no drone has as much.
+    window : ndarray of int, shape (nodes, 2)
+        First and last cell in which it can leave each node; (0, -1) where it cannot.
     """
-    table, grounds, costs, cells = one.table, one.grounds, one.costs, one.cells
-    pad_s, spot_s, has_pads = one.pad_s, one.spot_s, one.has_pads
-    allowed, goal, ratio = one.allowed, one.goal, one.ratio
-    nodes = len(table.first) - 1
-    rows = np.full((5, cells.length + 1, nodes), NEVER)
-    # Over a node; the same for reserve and margin alone; to leave it;
-    # the least of that, and of the potential, from then on.
-    over, rest, leave, ever, potential = rows[0], rows[1], rows[2], rows[3], rows[4]
-    per_s, strict = costs.soc_per_s, costs.soc_per_s + costs.margin_soc_per_s
-    margin = costs.margin_soc_per_s > 0.0  # without one the second value of each node is the first
-    climb = costs.soc_fixed + per_s * table.climb_s
-    known = table_slot(table, cells.over_s)
-    open_now = open_in(table, known, cells.step_s)
-    inner = nearest_first(open_now, cells.step_s)
-    any_inner = inner.max() > 0
-    onward, onward_rest = np.empty(nodes), np.empty(nodes)  # by flights that end in later cells
-    for i in range(cells.length - 1, -1, -1):
-        x = cells.over_s + i * cells.step_s
-        slot = table_slot(table, x)
-        if slot != known:
-            known = slot
-            open_now = open_in(table, slot, cells.step_s)
-            inner = nearest_first(open_now, cells.step_s)
-            any_inner = inner.max() > 0
-        ends = table_slot_end(table, slot)
-        inside = ends - x - cells.step_s
-        down_by = x + cells.step_s + table.descent_s
-        ever[i], potential[i] = ever[i + 1], potential[i + 1]
-        # Over each segment, to the cheapest of the later cells in which the flight may end.
+    cells, nodes = over.shape
+    need = np.empty((cells, nodes))
+    window = np.zeros((nodes, 2), dtype=np.int64)
+    window[:, 1] = -1
+    for i in range(cells):
         for node in range(nodes):
-            onward[node] = onward_rest[node] = NEVER
-            if not allowed[i // ratio, node]:
-                continue
-            fly, least_rest = NEVER, NEVER
-            for k in range(open_now.first[node], open_now.first[node + 1]):
-                least = open_now.takes_s[k]
-                cell = i + open_now.steps[k]
-                end = cell + 1
-                if least > inside:
-                    cell, end, least = crossed(table, cells, open_now, k, i, (x, slot, ends))
-                other = open_now.head[k]
-                cell, end = max(cell, i + 1), min(end, cells.length - 1)
-                while cell <= end:
-                    fly = min(fly, over[cell, other] + per_s * least)
-                    if margin:
-                        least_rest = min(least_rest, rest[cell, other] + strict * least)
-                    cell += 1
-            onward[node], onward_rest[node] = fly, least_rest
-        again = True
-        while again:
-            again = False
-            for node in range(nodes):
-                if not allowed[i // ratio, node]:
-                    continue
-                # And to nodes that are reached within this cell.
-                fly, least_rest = onward[node], onward_rest[node]
-                for k in range(open_now.first[node], open_now.first[node] + inner[node]):
-                    cell, least = i + open_now.steps[k], open_now.takes_s[k]
-                    if least > inside:
-                        cell, _, least = crossed(table, cells, open_now, k, i, (x, slot, ends))
-                    if cell == i and least < NEVER:
-                        fly = min(fly, over[i, open_now.head[k]] + per_s * least)
-                        least_rest = min(least_rest, rest[i, open_now.head[k]] + strict * least)
-                if not margin:
-                    least_rest = fly
-                # Leave: with the climb, with no more than a full battery; keep the least from here on.
-                off = max(fly, least_rest + costs.margin_soc_per_s * table.climb_s) + climb
-                if off < NEVER and (off <= 1.0 + LOOSE or not has_pads[node]):
-                    leave[i, node], ever[i, node] = off, min(ever[i, node], off)
-                    u = time_from_empty(grounds, node, min(off, 1.0)) - (x - table.climb_s + cells.step_s)
-                    potential[i, node] = min(potential[i, node], u)
-                # Land at the destination.
-                if node == goal:
-                    fly = min(fly, one.needed[i] + per_s * table.descent_s)
-                    least_rest = min(least_rest, one.needed[i] + strict * table.descent_s)
-                elif has_pads[node] and ever[i, node] < NEVER:
-                    # Or at a station, to leave it later as it is or, from a pad, charged.
-                    down = NEVER
-                    cell = cell_of(cells, -table.climb_s, spot_s[i, node])
-                    if cell < cells.length:
-                        down = ever[cell, node]
-                    cell = cell_of(cells, -table.climb_s, pad_s[i, node])
-                    if cell < cells.length and potential[cell, node] < NEVER:
-                        down = min(down, charge_after(grounds, node, pad_s[i, node] + potential[cell, node]))
-                    hover = max(0.0, spot_s[i, node] - down_by) + table.descent_s
-                    fly = min(fly, max(down, costs.reserve) + per_s * hover)
-                    if down < NEVER:
-                        least_rest = min(least_rest, costs.reserve + strict * hover)
-                # Look again while a segment that is flown within the cell makes it less.
-                if fly < over[i, node] or (margin and least_rest < rest[i, node]):
-                    over[i, node] = min(fly, over[i, node])
-                    if margin:
-                        rest[i, node] = min(least_rest, rest[i, node])
-                    again = any_inner
-    return over[:-1], leave[:-1]
+            need[i, node] = over[i, node] if has_over[i, node] >= over[i, node] - LOOSE else NEVER
+            if leave[i, node] < NEVER and has_leave[i, node] >= leave[i, node] - LOOSE:
+                if window[node, 1] < 0:
+                    window[node, 0] = i
+                window[node, 1] = i
+    return need, window
 
 
 @compiled

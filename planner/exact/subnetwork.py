@@ -11,7 +11,7 @@ import numpy as np
 from skyway.models.base import geodesy
 from skyway.models.jit.compiled import compiled
 from skyway.models.queues.paths import no_queue, pack
-from skyway.planner.exact.relaxation_grid_kernels import queue_cells
+from skyway.planner.exact.relaxation_grid_kernels import Waits, queue_cells
 from skyway.planner.exact.stop_label_kernels import Grounds
 from skyway.planner.problem.flight_table import FlightTable
 from skyway.planner.problem.mean_value import ExpectedQueues
@@ -29,6 +29,9 @@ if TYPE_CHECKING:
     from skyway.planner.exact.stop_label_kernels import Costs
     from skyway.planner.problem.problem import Problem
     from skyway.planner.problem.speeds import Speeds
+
+_SAME_S = 1e-6
+"""Grids whose cells begin at the same times but for rounding."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,16 +58,27 @@ class Subnetwork:
     """It holds all nodes that a delivery may use up to the deadline that it is laid out for: what it lacks proves something."""
 
     @cached_property
-    def _waits(self) -> dict[Cells, tuple[NDArray[np.float64], NDArray[np.float64]]]:
+    def _waits(self) -> dict[Cells, Waits]:
         return {}
 
-    def waits(self, cells: Cells) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Return when arrivals in each cell get a pad, and a place to land (`planner.exact.relaxation_grid_kernels.queue_cells`)."""
-        known = self._waits
-        if cells not in known:
-            known.clear()  # passes over one grid follow one another
-            known[cells] = queue_cells(self.grounds, cells, self.table.descent_s, len(self.nodes))
-        return known[cells]
+    def waits(self, cells: Cells) -> Waits:
+        """Return what arrivals in each cell wait for (`planner.exact.relaxation_grid_kernels.queue_cells`)."""
+        for known, waits in self._waits.items():
+            first = round((cells.over_s - known.over_s) / cells.step_s)
+            same = cells.step_s == known.step_s and abs(known.over_s + first * cells.step_s - cells.over_s) < _SAME_S
+            if same and first >= 0 and first + cells.length <= known.length:
+                return waits if known == cells else _part(waits, first, cells.length)
+        self._waits.clear()  # passes over one grid follow one another
+        table = self.table
+        self._waits[cells] = queue_cells(self.grounds, cells, table.climb_s, table.descent_s, len(self.nodes))
+        return self._waits[cells]
+
+
+def _part(waits: Waits, first: int, length: int) -> Waits:
+    """Return the same of some cells, counted from the first of them."""
+    part = slice(first, first + length)
+    pad_cell, spot_cell = (np.clip(cell[part], first, first + length) - np.int32(first) for cell in waits[2:])
+    return Waits(waits.pad_s[part], waits.spot_s[part], pad_cell, spot_cell)
 
 
 def places(network: Network) -> NDArray[np.float64]:

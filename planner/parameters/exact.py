@@ -90,6 +90,14 @@ class ExactParameters(Parameters):
         30, "labels in which a first answer is looked for there up to one deadline, before the next one's turn", 1, 10**9,
         measured="1,000 stations on 60 km: where 60 labels found nothing, 800 did not either (decision 84)",
     )  # fmt: skip
+    nearness: float = parameter(
+        3.0, "seconds of charging to spare that a second less of flight to the destination is worth while a first answer is looked for", 0, 1000,
+        measured="1,000 stations on 60 km: a delivery of 31 hours in 117 labels, without it in 780 (decision 131)",
+    )  # fmt: skip
+    nearness_labels: int = parameter(
+        100, "labels in which it is; after that, what has the most to spare comes first", 0, 10**9,
+        measured="1,000 stations on 60 km: with 30 a delivery of 31 hours takes three times as long (decision 131)",
+    )  # fmt: skip
     fine_s: float = parameter(30.0, "length of finer cells, about", 1, 3600, unit="s", measured=_SPEED)
     min_fine_cells: int = parameter(700, "least number of finer cells up to the deadline", 1, 10**6, measured=_SPEED)
     max_fine_cells: int = parameter(

@@ -108,7 +108,7 @@ def test_where_parts_of_a_city_open_at_other_hours_it_equals_the_exhaustive_sear
 
 
 def test_the_last_opening_proves_an_answer_in_few_labels(monkeypatch):
-    problems = [patchy(seed, stations=80, sites=3) for seed in (0, 8)]
+    problems = [patchy(seed, stations=80, sites=3) for seed in (8, 38)]
     found = []
     for with_drones_aloft in (True, False):
         with monkeypatch.context() as patch:
