@@ -206,7 +206,7 @@ def land_by(
     # The slots that it touches; a touch-down as a slot begins does not touch that one.
     first = slot_number(slots, depart_s)
     last = slot_number(slots, now - 2.0 * SLOT_EDGE_S)
-    if len(segments) == 1 and last == first:
+    if last == first:  # each was flown in that slot
         return now
     for slot in range(first, last + 1):
         for segment in segments:

@@ -35,21 +35,32 @@ SOC_TOLERANCE = 1e-12
 _NONE = -math.inf
 
 
-@compiled
+@compiled_lean
 def interpolate(x: float, xs: NDArray[np.float64], ys: NDArray[np.float64]) -> float:
     """Piecewise-linear function through points whose x increase, constant outside them; NaN of NaN.
 
     Takes any x, and one point at least.
     """
+    last = len(xs) - 1
+    y: float
+    if x <= xs[0]:
+        y = ys[0]
+        return y
+    if x >= xs[last]:
+        y = ys[last]
+        return y
     if math.isnan(x):
         return x
-    if x <= xs[0]:
-        return ys[0]
-    last = len(xs) - 1
-    if x >= xs[last]:
-        return ys[last]
-    k = np.searchsorted(xs, x, side="right") - 1
-    return ys[k] + (ys[k + 1] - ys[k]) * (x - xs[k]) / (xs[k + 1] - xs[k])
+    # The last point at or before x: mostly the first one, as most charging is along the first, straight piece.
+    k, high = 0, 1 if x < xs[1] else last
+    while high - k > 1:
+        middle = (k + high) // 2
+        if xs[middle] <= x:
+            k = middle
+        else:
+            high = middle
+    y = ys[k] + (ys[k + 1] - ys[k]) * (x - xs[k]) / (xs[k + 1] - xs[k])
+    return y
 
 
 @compiled
