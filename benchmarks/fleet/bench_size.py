@@ -15,6 +15,8 @@ if TYPE_CHECKING:
 
 HOURS, ORDERS = 9.0, 1.5
 """Hours over which orders arrive, and orders for each drone."""
+CHANGE_S = 0.7
+"""Limit of time for a change; the plan is then still written out."""
 
 
 def spread(work: Work, hours: float) -> Work:
@@ -45,7 +47,7 @@ def main() -> None:
         promised = {one.order: one.delivered for one in plan.answers if one.delivered is not None}
         begun, used = time.perf_counter(), time.process_time()
         after = dispatch(
-            work, START, forecast=forecast, time_limit_s=1.0, iterations=0, kept=kept, promised=promised, bounded=False,
+            work, START, forecast=forecast, time_limit_s=CHANGE_S, iterations=0, kept=kept, promised=promised, bounded=False,
         )  # fmt: skip
         change_s, change_used_s = time.perf_counter() - begun, time.process_time() - used
         print(

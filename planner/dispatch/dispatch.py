@@ -87,7 +87,7 @@ def dispatch(
     reserve : float
         Least SoC at any landing.
     time_limit_s, iterations : float, int
-        The search ends after either.
+        The search ends after either. The limit includes the time for laying out the problem, but leaves a fifth of itself to the search.
     seed : int
         Seed of all random numbers; with a limit on iterations alone the plan is reproducible.
     parameters : PlannerParameters, optional
@@ -129,8 +129,9 @@ def dispatch(
         closed=closed,
         seen=seen,
     )
+    left_s = max(time_limit_s - (time.perf_counter() - started), 0.2 * time_limit_s)
     search = solve(
-        laid.problem, parameters.dispatch, seed=seed, time_limit_s=time_limit_s, iterations=iterations,
+        laid.problem, parameters.dispatch, seed=seed, time_limit_s=left_s, iterations=iterations,
         before=before(work, laid, kept or {}, promised or {}),
     )  # fmt: skip
     routes, answers = result_of(work, laid, search)
