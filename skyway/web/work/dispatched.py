@@ -5,6 +5,7 @@ from __future__ import annotations
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
+from skyway.dispatch.records import WITH_PACKAGE
 from skyway.dispatch.status import Status, document_of, status_of
 from skyway.models.base.formatting import duration
 from skyway.models.ledger.desk import Desk
@@ -18,7 +19,7 @@ if TYPE_CHECKING:
 MOST_ROWS = 200
 """Number of drones and pads that are drawn; all are in the tables."""
 LATE_S = 60.0
-"""A flight that is later behind its plan is an alarm."""
+"""An order that is expected so long after its due time is an alarm."""
 SHOWN = 1.645
 """Standard deviations within which nine of ten drones arrive and leave."""
 
@@ -69,9 +70,24 @@ def _alarms(status: Status) -> list[str]:
     for _, pad in status.pads.values():
         why = f": {pad.reason}" if pad.reason else ""
         found.append(f"pad {pad.pad} of {pad.station} is out of order{why}")
-    late = sorted((one.late_s, one.drone) for _, one in status.flights.values())
-    found += [f"{drone} is {duration(late_s)} behind its plan" for late_s, drone in reversed(late) if late_s >= LATE_S]
-    return found
+    return found + _late(status)
+
+
+def _late(status: Status) -> list[str]:
+    """Orders under way that are expected after their due times, the latest first."""
+    found = []
+    for _, flight in status.flights.values():
+        _, order = status.orders.get(flight.order or "", ("", None))
+        if order is None:
+            continue
+        delivers_s = (
+            flight.end_s if flight.phase == WITH_PACKAGE or order.promise is None else order.promise.delivered_s
+        )
+        after_s = delivers_s + flight.late_s - order.order.due.timestamp()
+        if flight.late_s > 0.0 and after_s >= LATE_S:
+            words = f"{flight.order} is expected {duration(after_s)} after its due time: {flight.drone} is {duration(flight.late_s)} behind its plan"
+            found.append((after_s, words))
+    return [words for _, words in sorted(found, reverse=True)]
 
 
 def _bars(steps: tuple[PlanStep, ...], what: str, state: str) -> list[dict[str, Any]]:
