@@ -17,15 +17,11 @@ from zoneinfo import ZoneInfo
 import numpy as np
 
 from skyway.demo import DAY, DRONE, HOUR
-from skyway.dispatch.records import CLOSED, LOST
 from skyway.dispatch.simulation import ADDRESS
-from skyway.dispatch.status import status_of
+from skyway.dispatch.status import outcome
 from skyway.models.base.errors import InputError, LinkLostError
 from skyway.models.base.files import write_atomically
 from skyway.models.compute.worker_processes import lifeline
-from skyway.models.ledger.audit import audit
-from skyway.models.ledger.desk import Desk
-from skyway.models.ledger.opening import open_ledger
 from skyway.planner.capacity.demand import Demand, drones_of, orders_of
 from skyway.scenarios import load_scenario
 from skyway.sim_stub.transports.lockstep_client import LockstepClient
@@ -136,22 +132,8 @@ def run_demo(demo: FleetDemo, say: Callable[[str], None], *, show: Callable[[str
             service.wait()
             _end_world(folder / JOURNALS / ADDRESS)
     if show is None:
-        for line in how_it_ended(folder / LEDGER):
+        for line in outcome(str(folder / LEDGER), "dispatch"):
             say(line)
-
-
-def how_it_ended(ledger: Path) -> list[str]:
-    """Return the outcome of the orders, and that of the audit of the ledger's history."""
-    with open_ledger(str(ledger)) as book:
-        status = status_of(Desk(book, "dispatch"))
-        wrong = audit(book)
-    counts = ", ".join(f"{status.count(one)} {one}" for one in CLOSED if status.count(one))
-    late = sum(one > 0.0 for one in status.lateness_s)
-    lost = sum(state == LOST for state, _ in status.drones.values())
-    return [
-        f"{len(status.orders)} orders: {counts}; {late} after they were due; {len(status.changes)} promises changed; {lost} drones lost",
-        f"history of the ledger: {'; '.join(wrong) if wrong else 'no pad was held twice'}",
-    ]
 
 
 def _end_world(address: Path) -> None:

@@ -23,9 +23,11 @@ from skyway.dispatch.records import (
 )
 from skyway.models.base.errors import InputError
 from skyway.models.base.units import from_posix, iso
+from skyway.models.ledger.audit import audit
+from skyway.models.ledger.desk import Desk
+from skyway.models.ledger.opening import open_ledger
 
 if TYPE_CHECKING:
-    from skyway.models.ledger.desk import Desk
     from skyway.models.ledger.ledger import Hold
 
 SCHEMA = "skyway.fleet-status/1"
@@ -90,6 +92,20 @@ def status_of(desk: Desk) -> Status:
         service=service, orders=orders, drones=board.read("drone", DroneRecord), flights=flights, pads=board.read("pad", PadRecord, ("out",)),
         changes=changes, holds=desk.ledger.holds(), workers={one: desk.ledger.led(one) for one in names},
     )  # fmt: skip
+
+
+def outcome(ledger: str, dispatcher: str) -> list[str]:
+    """Return the outcome of the orders of a service, and that of the audit of the ledger's history, in words."""
+    with open_ledger(ledger, create=False) as book:
+        status = status_of(Desk(book, dispatcher))
+        wrong = audit(book)
+    counts = ", ".join(f"{status.count(one)} {one}" for one in CLOSED if status.count(one)) or "none"
+    late = sum(one > 0.0 for one in status.lateness_s)
+    lost = sum(state == LOST for state, _ in status.drones.values())
+    return [
+        f"{len(status.orders)} orders: {counts}; {late} after they were due; {len(status.changes)} promises changed; {lost} drones lost",
+        f"history of the ledger: {'; '.join(wrong) if wrong else 'no pad was held twice'}",
+    ]
 
 
 def order_document(name: str, state: str, record: OrderRecord) -> dict[str, Any]:

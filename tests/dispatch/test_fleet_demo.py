@@ -16,7 +16,8 @@ from fleet_runs import ROOT, START
 from simulated import world_of
 
 from benchmarks.fleet.invariants import judge
-from skyway.dispatch.demonstration import ORDERS, FleetDemo, draw, how_it_ended
+from skyway.dispatch.demonstration import ORDERS, FleetDemo, draw
+from skyway.dispatch.status import outcome
 from skyway.link.wire.frames import FrameWriter
 from skyway.models.base.errors import InputError
 from skyway.models.base.geodesy import distance_m
@@ -81,7 +82,7 @@ def test_a_small_fleet_is_flown_to_its_end_and_audited(tmp_path):
         env={**os.environ, "PYTHONPATH": str(ROOT)}, capture_output=True, text=True, timeout=1800, check=False,
     )  # fmt: skip
     assert done.returncode == 0, done.stdout + done.stderr
-    assert done.stdout.splitlines()[-2:] == how_it_ended(tmp_path / "out" / "fleet.db")
+    assert done.stdout.splitlines()[-2:] == outcome(str(tmp_path / "out" / "fleet.db"), "dispatch")
     assert "no pad was held twice" in done.stdout
     assert judge(str(tmp_path / "out" / "fleet.db")).wrong == []
     found = re.search(r"(\d+) orders: (.*);", done.stdout)

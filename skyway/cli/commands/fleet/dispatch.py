@@ -230,6 +230,7 @@ def run(
       skyway dispatch run --simulate --ledger ledger.db --fleet fleet.csv --hours 24 --workers 4 --http 127.0.0.1:8090
     """
     from skyway.dispatch.service import Options, Service
+    from skyway.dispatch.status import outcome
     from skyway.models.compute.worker_processes import hold_lifeline
     from skyway.models.orders.files import read_orders, read_vehicles
 
@@ -254,6 +255,8 @@ def run(
 
         typer.echo(f"HTTP API: {serve_in_background(ledger, holder, http)}/openapi.json")
     service.run()
+    for line in outcome(ledger, holder):
+        typer.echo(line)
 
 
 @dispatch.command("demo")
