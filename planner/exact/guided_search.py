@@ -281,6 +281,7 @@ class GuidedSearch:
             least_s=max(self.lower_bound_s, least_s),
             end_at=self._end_at,
             landed_by=landed_by,
+            onward=self._dense,
         )
 
     def _run(

@@ -65,7 +65,8 @@ class Round:
     `guide` and `forward` are the relaxation's for this deadline; `needed` is that of
     `planner.exact.escape.needed_at_destination`. The search ends after `most` labels, or `enough` with an answer; at the time `end_at` of
     `time.perf_counter`; at `stop_at` once there is an answer, or where it is `answered` already; and with an answer
-    that arrives at `least_s`, before which nothing arrives. `landed_by` is that of `run_backward`.
+    that arrives at `least_s`, before which nothing arrives. `landed_by` is that of `run_backward`. A first
+    answer is looked for `onward`, by nearness to the destination.
     """
 
     def __init__(
@@ -82,6 +83,7 @@ class Round:
         least_s: float = -math.inf,
         end_at: float = math.inf,
         landed_by: int = -1,
+        onward: bool = False,
     ) -> None:
         self.stop_labels = stop_labels
         self.guide = guide
@@ -105,7 +107,7 @@ class Round:
         self._flights: dict[int, tuple[NDArray[np.int64], NDArray[np.float64]]] = {}
         self._heap: list[tuple[float, int, Label]] = []
         self._count = 0
-        self._onward = not answered  # whether an answer is looked for by nearness
+        self._onward = onward and not answered
         self._flights_bytes = 0
 
     def run(self, roots: Sequence[StopLabel] | None = None) -> None:

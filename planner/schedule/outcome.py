@@ -145,7 +145,7 @@ def outcome(
         p_hold=np.minimum((weight @ (flown & for_wind)) / mass, 1.0),
         p_hold_room=np.minimum((weight @ (flown & for_room)) / mass, 1.0),
         p_success=min(float(weight[arrived & all_kept].sum()) / share, 1.0),
-        p_arrive=max(1.0 - float(weight[~arrived].sum()), 0.0),
+        p_arrive=max(1.0 - float(weight[~arrived].sum()), 0.0) if arrived.any() else 0.0,
         spending=spent,
         kept=np.asarray(all_kept[arrived]),
         p_onward=None if onward_soc is None else min(float(weight[arrived & on].sum()) / share, 1.0),
