@@ -54,7 +54,7 @@ class Costs(NamedTuple):
 
 
 class Offered(NamedTuple):
-    """Departure profiles of the settled labels of each node, see `planner.exact.dominance`."""
+    """Departure profiles of the settled labels of each node, see `planner.exact.label_search.Settled`."""
 
     points: NDArray[np.float64]
     """Shape (points, 2). Profiles, one behind the other."""
