@@ -148,9 +148,13 @@ def _not_hopeless(
 def _beside(reach: Reach, places: Sequence[Place], nodes: NDArray[np.int64], safe: NDArray[np.bool_]) -> list[int]:
     """Return stations that lie beside a way and are safe from a part of it, the nearest first: a drone may recharge there."""
     lat, lon = np.array(places).T
-    found = []
-    for k in np.flatnonzero(safe.any(axis=0)):
-        station = reach.network.stations[nodes[k]]
+    network, found = reach.network, []
+    served = np.flatnonzero(safe.any(axis=0))
+    about_m = geodesy.coarse_distance_m(
+        lat[:, None], lon[:, None], network.lat[nodes[served]], network.lon[nodes[served]]
+    )
+    for k in served[about_m.min(axis=0) <= 1.01 * reach.parameters.beside_m]:
+        station = network.stations[nodes[k]]
         north, east = geodesy.local_offsets_m(lat, lon, station.lat, station.lon)
         off = float(np.hypot(north, east).min())
         if off <= reach.parameters.beside_m:
