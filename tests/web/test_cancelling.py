@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import os
+import signal
 import time
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -127,10 +128,15 @@ def test_a_page_that_is_closed_ends_what_it_asked_for(browser, page):
     with person(browser, page.address, SLOW) as tab:
         tab.get_by_role("button", name="Cancel").wait_for()
         workers = children(page.process.pid)
+        for one in workers:
+            os.kill(one, signal.SIGSTOP)  # else the plan may be ready before the page is given up
     until = time.monotonic() + RECONNECT_S + WAIT_S
     while workers <= children(page.process.pid) and time.monotonic() < until:
         time.sleep(0.2)
-    assert len(workers - children(page.process.pid)) == 1
+    left = workers & children(page.process.pid)
+    for one in left:
+        os.kill(one, signal.SIGCONT)
+    assert len(workers - left) == 1
 
 
 def children(pid: int) -> set[int]:
