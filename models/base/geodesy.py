@@ -24,6 +24,8 @@ ECCENTRICITY_SQUARED = 0.006_694_379_990_141_317
 """Of the WGS-84 ellipsoid."""
 EARTH_RADIUS_M = 6_371_008.8
 """Mean radius of the Earth (IUGG), for bounding boxes and other coarse uses only."""
+COARSE = 1.01
+"""`coarse_distance_m` is no more than this multiple of the distance."""
 M_PER_DEG = math.pi * EARTH_RADIUS_M / 180.0
 """Metres of a degree of latitude on that sphere."""
 
@@ -63,6 +65,13 @@ def coarse_distance_m(lat: ArrayLike, lon: ArrayLike, lats: ArrayLike, lons: Arr
     half = 0.5 * np.radians(np.asarray(lons, dtype=np.float64) - np.asarray(lon, dtype=np.float64))
     square = np.sin(0.5 * (there - here)) ** 2 + np.cos(here) * np.cos(there) * np.sin(half) ** 2
     return np.asarray(2.0 * EARTH_RADIUS_M * np.arcsin(np.sqrt(np.minimum(square, 1.0))))
+
+
+def perhaps_within(
+    lat: ArrayLike, lon: ArrayLike, lats: ArrayLike, lons: ArrayLike, most_m: float
+) -> NDArray[np.bool_]:
+    """Whether points, broadcast against each other, may be at most so far apart, by `coarse_distance_m`: of those that are, none is left out."""
+    return np.asarray(coarse_distance_m(lat, lon, lats, lons) <= COARSE * most_m)
 
 
 def distance_m(lat1: float, lon1: float, lat2: float, lon2: float) -> float:

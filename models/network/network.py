@@ -410,7 +410,7 @@ class Network:
         longest_m = float(self.distance_m.max(initial=self.longest_m))
         limit = longest_m if self.rule is None else self.rule.max_length_m
         landed = np.array([not station.flyover for station in self.stations], dtype=bool)
-        near = np.flatnonzero((geodesy.coarse_distance_m(lat, lon, self.lat, self.lon) <= 1.01 * limit) & landed)
+        near = np.flatnonzero(geodesy.perhaps_within(lat, lon, self.lat, self.lon, limit) & landed)
         north, east = geodesy.local_offsets_m(self.lat[near], self.lon[near], lat, lon)
         reach = np.hypot(north, east)
         order = np.argsort(reach, kind="stable")

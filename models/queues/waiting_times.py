@@ -132,7 +132,7 @@ def forecast_waits(
     shared: dict[tuple[int, int | None, bytes, bytes], WaitForecast] = {}
     result = {}
     not_seen = [station for station in stations if pads[station] and station not in busy]
-    if not_seen:  # all at once: one by one it takes several times as long
+    if not_seen:  # worked out together and kept for `settled`: one by one it takes several times as long
         _unseen(load, not_seen, [int(pads[station]) for station in not_seen], math.floor(start_s / S_PER_H) * S_PER_H)
     for station in stations:
         count, known = int(pads[station]), busy.get(station)

@@ -60,11 +60,10 @@ class Gate:
         """Return the best stop label that a drone can have at each station that may be left in time after the gate, or to be in the air then."""
         part = stop_labels.subnetwork
         most = np.maximum.accumulate(self.forward.leave[: self.before + 1])
-        if self.shut:
-            most[-1, np.isneginf(most[0])] = -np.inf  # a drone that comes after it
         may_stand = part.has_pads.copy()
         may_stand[part.origin] = not stop_labels.problem.in_flight
-        wanted = may_stand & np.isfinite(most[-1]) & (guide.window[:, 1] >= guide.window[:, 0])
+        # If all is shut, a drone that is not there in the cell before comes after the gate.
+        wanted = may_stand & np.isfinite(most[0 if self.shut else -1]) & (guide.window[:, 1] >= guide.window[:, 0])
         return [self._root(stop_labels, node, most[:, node]) for node in np.flatnonzero(wanted).tolist()]
 
     def _root(self, stop_labels: StopLabels, node: int, most: NDArray[np.float64]) -> StopLabel:

@@ -146,6 +146,10 @@ class GuidedSearch:
         self.complete = self.complete or proved
         return proved
 
+    def _known_s(self, part: Subnetwork) -> float:
+        """Return the latest time before which no delivery over a part of the network is known to arrive."""
+        return self.lower_bound_s if part.whole else self._near_bound_s
+
     def _nothing_before(self, part: Subnetwork, time_s: float) -> None:
         """Take note that no delivery over a part of the network arrives before a time."""
         if part.whole:
@@ -178,7 +182,7 @@ class GuidedSearch:
         )
         ratio = max(int(coarse.step_s / fine_s), 1)
         cells = coarse._replace(step_s=coarse.step_s / ratio, length=coarse.length * ratio)
-        mask = guide.over.copy()
+        mask = guide.over
         mask[0, part.origin] = True
         forward = run_forward(
             part,
@@ -194,7 +198,7 @@ class GuidedSearch:
         self._nothing_before(part, least)
         if self._proved():
             return
-        least = max(least, self.lower_bound_s if part.whole else self._near_bound_s)
+        least = max(least, self._known_s(part))
         gated = near or (self._dense and self._most_labels == math.inf)
         gates = last_gates(part, forward, least, longest_s(self.problem), in_flight=start.at_once) if gated else []
         for beyond in steps[-1:] if at_once else steps:
@@ -229,17 +233,16 @@ class GuidedSearch:
         come_by = self._come_by_s(until_s)
         guide = run_backward(part, self._costs, gate.forward, needed, come_by, landed_by=gate.landed_by)
         small, guide, after = _where_used(part, guide, gate.forward)
-        one = self._round(small, guide, after, needed, until_s, self._stop_at, landed_by=gate.landed_by)
-        roots = replace(gate, forward=after).roots(one.stop_labels, guide)
+        most = math.inf
         if not gate.shut:
             most = self.parameters.gate_labels if part.whole else self.parameters.near_labels
-            one.most = min(one.most, most + len(roots))
-        one.run(roots)
+        one = self._round(small, guide, after, needed, until_s, self._stop_at, most, landed_by=gate.landed_by)
+        one.run(replace(gate, forward=after).roots(one.stop_labels, guide))
         self.labels_expanded += one.labels_expanded
         if not one.complete:
             return self.lower_bound_s
         least = one.stop_labels.best_s
-        known = self.lower_bound_s if part.whole else self._near_bound_s
+        known = self._known_s(part)
         self._nothing_before(part, least)
         if one.best is None or self._proved() or least <= known:
             return least

@@ -96,6 +96,33 @@ def _onward(
     return fly, least_rest
 
 
+@compiled_lean
+def _within_cell(
+    table: FlightTable,
+    cells: Cells,
+    open_now: Open,
+    later: Later,
+    flown: tuple[int, int],
+    i: int,
+    in_slot: tuple[float, int, float],
+    inside: float,
+    is_aloft: bool,
+) -> tuple[float, float]:
+    """Return the same as `_onward` for flights that end in the cell in which they begin; `flown` are the nearest segments."""
+    over, rest = (later.aloft, later.aloft_rest) if is_aloft else (later.over, later.rest)
+    fly, least_rest = NEVER, NEVER
+    for k in range(flown[0], flown[1]):
+        if is_aloft and open_now.opened[k]:
+            continue
+        cell, least = i + open_now.steps[k], open_now.takes_s[k]
+        if least > inside:
+            cell, _, least = crossed(table, cells, open_now, k, i, in_slot)
+        if cell == i and least < NEVER:
+            fly = min(fly, over[i, open_now.head[k]] + later.per_s * least)
+            least_rest = min(least_rest, rest[i, open_now.head[k]] + later.strict * least)
+    return fly, least_rest
+
+
 @compiled
 def backward_pass(one: Pass) -> tuple[NDArray[np.float64], NDArray[np.float64]]:  # noqa: PLR0915  one loop: taking it apart costs more than the work that is done in it
     """Least charge from which the destination can be reached in time, over each node and on leaving it.
@@ -190,14 +217,9 @@ def backward_pass(one: Pass) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
                 if not (allowed[i // ratio, node] and (first_time or inner[node] > 0)):
                     continue
                 # And to nodes that are reached within this cell.
-                fly, least_rest = onward[node], onward_rest[node]
-                for k in range(open_now.first[node], open_now.first[node] + inner[node]):
-                    cell, least = i + open_now.steps[k], open_now.takes_s[k]
-                    if least > inside:
-                        cell, _, least = crossed(table, cells, open_now, k, i, (x, slot, ends))
-                    if cell == i and least < NEVER:
-                        fly = min(fly, over[i, open_now.head[k]] + per_s * least)
-                        least_rest = min(least_rest, rest[i, open_now.head[k]] + strict * least)
+                near = open_now.first[node], open_now.first[node] + inner[node]
+                fly, least_rest = _within_cell(table, cells, open_now, later, near, i, (x, slot, ends), inside, False)
+                fly, least_rest = min(fly, onward[node]), min(least_rest, onward_rest[node])
                 if not (first_time or fly < onward[node] or (margin and least_rest < onward_rest[node])):
                     continue
                 onward[node], onward_rest[node] = fly, least_rest
@@ -259,18 +281,10 @@ def backward_pass(one: Pass) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
             for node in range(nodes):
                 if not allowed[i // ratio, node]:
                     continue
-                fly, least_rest = aloft[i, node], aloft_rest[i, node]
-                for k in range(open_now.first[node], open_now.first[node] + inner[node]):
-                    cell, least = i + open_now.steps[k], open_now.takes_s[k]
-                    if open_now.opened[k]:
-                        continue
-                    if least > inside:
-                        cell, _, least = crossed(table, cells, open_now, k, i, (x, slot, ends))
-                    if cell == i and least < NEVER:
-                        fly = min(fly, aloft[i, open_now.head[k]] + per_s * least)
-                        least_rest = min(least_rest, aloft_rest[i, open_now.head[k]] + strict * least)
+                near = open_now.first[node], open_now.first[node] + inner[node]
+                fly, least_rest = _within_cell(table, cells, open_now, later, near, i, (x, slot, ends), inside, True)
                 if fly < aloft[i, node] or (margin and least_rest < aloft_rest[i, node]):
-                    aloft[i, node], again = fly, True
+                    aloft[i, node], again = min(fly, aloft[i, node]), True
                     if margin:
-                        aloft_rest[i, node] = least_rest
+                        aloft_rest[i, node] = min(least_rest, aloft_rest[i, node])
     return over[:-1], leave[:-1]

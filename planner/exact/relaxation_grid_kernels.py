@@ -245,36 +245,14 @@ def nearest_first(open_now: Open, step_s: float) -> NDArray[np.int64]:
 def time_from_empty(grounds: Grounds, node: int, soc: float) -> float:
     """F^-1: time on a pad of a node from empty to a charge, s."""
     kind = grounds.curve_of[node]
-    return _along_row(grounds.curve_soc, grounds.curve_s, kind, grounds.curve_points[kind], soc)
+    return interpolate(soc, grounds.curve_soc[kind], grounds.curve_s[kind])
 
 
 @compiled_lean
 def charge_after(grounds: Grounds, node: int, time_s: float) -> float:
     """F: charge after a time on a pad of a node, from empty."""
     kind = grounds.curve_of[node]
-    return _along_row(grounds.curve_s, grounds.curve_soc, kind, grounds.curve_points[kind], time_s)
-
-
-@compiled_lean
-def _along_row(xs: NDArray[np.float64], ys: NDArray[np.float64], row: int, points: int, x: float) -> float:
-    """Piecewise-linear function through the first points of a row, whose x increase, constant outside them."""
-    y: float
-    if x <= xs[row, 0]:
-        y = ys[row, 0]
-        return y
-    if x >= xs[row, points - 1]:
-        y = ys[row, points - 1]
-        return y
-    # The last point at or before x: mostly the first one, as most charging is along the first, straight piece.
-    k, high = 0, 1 if x < xs[row, 1] else points - 1
-    while high - k > 1:
-        middle = (k + high) // 2
-        if xs[row, middle] <= x:
-            k = middle
-        else:
-            high = middle
-    y = ys[row, k] + (ys[row, k + 1] - ys[row, k]) * ((x - xs[row, k]) / (xs[row, k + 1] - xs[row, k]))
-    return y
+    return interpolate(time_s, grounds.curve_s[kind], grounds.curve_soc[kind])
 
 
 @compiled

@@ -238,27 +238,18 @@ def forward_pass(  # noqa: PLR0915  one loop: taking it apart costs more than th
             left = rest[i, node] if margin else charge
             if left < enough:
                 continue
-            low, high = open_now.first[node], open_now.first[node + 1]
-            special = high if open_now.longest_s[node] > regular else low + inner[node]
-            for k in range(special, high):
-                place = i * nodes + open_now.place[k]
-                less = charge - per_s * open_now.takes_s[k]
-                if margin:
-                    lesser = left - strict * open_now.takes_s[k]
-                    if lesser >= enough:
-                        flat[place] = max(less, flat[place])
-                        flat_rest[place] = max(lesser, flat_rest[place])
-                elif less >= enough:
-                    flat[place] = max(less, flat[place])
-            for k in range(low, special):
+            for k in range(open_now.first[node], open_now.first[node + 1]):
                 least = open_now.takes_s[k]
                 cell = i + open_now.steps[k]
-                end = cell + 1
-                if least <= regular and not margin and cell > i:
-                    place, less = i * nodes + open_now.place[k], charge - per_s * least
-                    if less >= enough:
+                if least <= regular and cell > i:
+                    place = i * nodes + open_now.place[k]
+                    less, lesser = charge - per_s * least, left - strict * least
+                    if lesser >= enough:
                         flat[place] = max(less, flat[place])
+                        if margin:
+                            flat_rest[place] = max(lesser, flat_rest[place])
                     continue
+                end = cell + 1
                 if least > inside:
                     cell, end, least = crossed(table, cells, open_now, k, i, (x, slot, ends))
                 less, lesser = charge - per_s * least, left - strict * least

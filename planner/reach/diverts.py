@@ -148,16 +148,15 @@ def _not_hopeless(
 def _beside(reach: Reach, places: Sequence[Place], nodes: NDArray[np.int64], safe: NDArray[np.bool_]) -> list[int]:
     """Return stations that lie beside a way and are safe from a part of it, the nearest first: a drone may recharge there."""
     lat, lon = np.array(places).T
-    network, found = reach.network, []
+    network, most_m, found = reach.network, reach.parameters.beside_m, []
     served = np.flatnonzero(safe.any(axis=0))
-    about_m = geodesy.coarse_distance_m(
-        lat[:, None], lon[:, None], network.lat[nodes[served]], network.lon[nodes[served]]
-    )
-    for k in served[about_m.min(axis=0) <= 1.01 * reach.parameters.beside_m]:
+    there = nodes[served]
+    near = geodesy.perhaps_within(lat[:, None], lon[:, None], network.lat[there], network.lon[there], most_m)
+    for k in served[near.any(axis=0)]:
         station = network.stations[nodes[k]]
         north, east = geodesy.local_offsets_m(lat, lon, station.lat, station.lon)
         off = float(np.hypot(north, east).min())
-        if off <= reach.parameters.beside_m:
+        if off <= most_m:
             found.append((off, int(k)))
     return [k for _, k in sorted(found)]
 

@@ -314,7 +314,7 @@ class Reach:
         here = np.array(places)[:, :, None]
         for distance_m in geodesy.coarse_distance_m(here[:, 0], here[:, 1], lat, lon):
             nearest = np.argpartition(distance_m, NEAREST - 1)[:NEAREST] if len(distance_m) > NEAREST else slice(None)
-            near[nearest] |= distance_m[nearest] <= 1.01 * most_m
+            near[nearest] |= distance_m[nearest] <= geodesy.COARSE * most_m
         return np.asarray(self.pads[near])
 
     def clear(self, here: Place, nodes: NDArray[np.int64], from_s: float) -> NDArray[np.bool_]:

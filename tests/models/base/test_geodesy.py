@@ -90,3 +90,10 @@ def test_offsets_from_an_origin_have_its_distance_and_bearing(lat, lon, bearing,
     north, east = geodesy.local_offsets_m(end["lat2"], end["lon2"], lat, lon)
     assert math.hypot(float(north), float(east)) == pytest.approx(length, abs=1e-3)
     assert apart_deg(math.degrees(math.atan2(float(east), float(north))), bearing) * length < 1.0e-3 * 57.3
+
+
+@given(LAT, LON, st.floats(0.0, 360.0), st.floats(1.0, 10_000_000.0))
+def test_no_point_within_a_distance_is_left_out(lat, lon, bearing, length):
+    end = KARNEY.Direct(lat, lon, bearing, length)
+    assert geodesy.perhaps_within(lat, lon, end["lat2"], end["lon2"], length)
+    assert not geodesy.perhaps_within(lat, lon, end["lat2"], end["lon2"], length / 1.03)
