@@ -180,3 +180,30 @@ def joined(parts: Sequence[PackedPaths]) -> PackedPaths:
         left_offset=after([part.left_offset for part in parts]),
         **{name: all_of(name) for name in ("arrival_s", "pad_s", "land_s", "delay_s", "present", "left_s")},
     )
+
+
+def spliced(paths: PackedPaths, others: PackedPaths, chosen: NDArray[np.bool_]) -> PackedPaths:
+    """Return packed paths with some of them, of shape (paths,), replaced by those of the same number among others."""
+    offset, entries = _taken_from(paths.offset, others.offset, chosen)
+    left_offset, departures = _taken_from(paths.left_offset, others.left_offset, chosen)
+
+    def taken(name: str, numbers: NDArray[np.int64]) -> NDArray[np.float64]:
+        return np.concatenate([getattr(paths, name), getattr(others, name)])[numbers]
+
+    return PackedPaths(
+        offset,
+        *(taken(name, entries) for name in ("arrival_s", "pad_s", "land_s", "delay_s")),
+        np.where(chosen, others.present, paths.present),
+        left_offset,
+        taken("left_s", departures),
+    )
+
+
+def _taken_from(
+    offset: NDArray[np.int64], other: NDArray[np.int64], chosen: NDArray[np.bool_]
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Offsets of parts taken from one of two arrays, and the numbers of their entries in both laid end to end."""
+    first = np.where(chosen, other[:-1] + offset[-1], offset[:-1])
+    count = np.where(chosen, np.diff(other), np.diff(offset))
+    found = np.concatenate([[0], np.cumsum(count)])
+    return found, np.repeat(first - found[:-1], count) + np.arange(found[-1])

@@ -123,7 +123,7 @@ def sample_many(
     count: int,
     busy: int | None,
     free_s: Sequence[float] = (),
-    until_s: float = math.inf,
+    until_s: float | Floats = math.inf,
 ) -> PackedPaths:
     """Sample many paths of one station at once, from a separate stream seeded by the seed and its index.
 
@@ -131,13 +131,12 @@ def sample_many(
     the pads were not seen (`busy` is None), the numbers of drones that they begin with are stratified over the
     probabilities. So a part of a set cannot be sampled separately.
 
-    Paths simulated only until `until_s`, POSIX seconds, agree with longer ones up to then.
+    Paths simulated only until `until_s`, POSIX seconds, of all or of each, shape (count,), agree with longer ones up to then.
     """
     if not pads:
         return pack([no_queue()] * count)
     first_s = math.floor(start_s / S_PER_H) * S_PER_H
-    end_s = start_s + hours * S_PER_H
-    times = first_s, start_s, min(end_s, max(until_s, start_s))
+    end_s = np.broadcast_to(np.clip(until_s, start_s, start_s + hours * S_PER_H), count).astype(np.float64)
     arrivals, charging = load.hourly(station, first_s, math.ceil(hours) + 1 + TAIL_H)
     rng = np.random.Generator(np.random.PCG64(np.random.SeedSequence(seed, spawn_key=(station,))))
     present = np.full(count, busy or 0)
@@ -146,18 +145,11 @@ def sample_many(
         evenly = (rng.permutation(count) + rng.random(count)) / count
         present = np.searchsorted(share, evenly * share[-1], side="right").astype(np.int64)
     known = np.sort(np.array(free_s, dtype=np.float64))
-    come = float(arrivals.max()) * (
-        end_s - first_s
-    )  # draws of the whole horizon, so that those of each path are the same
-    most = int(present.max()) + come + 5.0 * math.sqrt(come)
-    draws = rng.standard_exponential((count, pads + 2 * (16 + int(most))))
-    while True:
-        offset, arrival, pad, land, at_start, left_offset, left, enough = lived_sets(
-            draws, pads, spots, (arrivals, 1.0 / charging), times, present, known
-        )
-        if enough:
-            return PackedPaths(offset, arrival, pad, land, np.zeros(len(pad)), at_start, left_offset, left)
-        draws = np.concatenate((draws, rng.standard_exponential(draws.shape)), axis=1)
+    keys = rng.integers(0, 2**64, count, dtype=np.uint64)
+    offset, arrival, pad, land, at_start, left_offset, left = lived_sets(
+        keys, pads, spots, (arrivals, 1.0 / charging), (first_s, start_s), end_s, present, known
+    )
+    return PackedPaths(offset, arrival, pad, land, np.zeros(len(pad)), at_start, left_offset, left)
 
 
 def sample_path(
@@ -170,11 +162,6 @@ def sample_path(
     known_s: NDArray[np.float64] = NOTHING_KNOWN,
 ) -> QueuePath:
     """Sample the other drones at one station; `rates`, `times`, `present` and `known_s` are those of `lived`."""
-    first_s, _, end_s = times
-    expected = present + float(rates[0].max()) * (end_s - first_s)
-    draws = rng.standard_exponential(pads + 2 * (16 + int(1.2 * expected)))
-    while True:
-        came, pad_s, land_s, at_start, later, enough = lived(draws, pads, spots, rates, times, present, known_s)
-        if enough:
-            return QueuePath(came, pad_s, land_s, present=at_start, left_s=later)
-        draws = np.concatenate((draws, rng.standard_exponential(len(draws))))
+    key = rng.integers(0, 2**64, dtype=np.uint64)
+    came, pad_s, land_s, at_start, later = lived(key, pads, spots, rates, times, present, known_s)
+    return QueuePath(came, pad_s, land_s, present=at_start, left_s=later)

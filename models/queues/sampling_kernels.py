@@ -7,12 +7,16 @@ from typing import TYPE_CHECKING, TypeAlias
 import numpy as np
 
 from skyway.models.jit.compiled import compiled, compiled_lean
+from skyway.models.jit.random_kernels import exponential
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     Floats: TypeAlias = NDArray[np.float64]
     Integers: TypeAlias = NDArray[np.int64]
+
+_ROOM = 64
+"""Drones of a realization for which there is room at first."""
 
 
 @compiled_lean
@@ -41,7 +45,7 @@ def _after(t: float, amount: float, rates: Floats, first_s: float) -> float:
 
 @compiled_lean
 def _live(
-    draws: Floats,
+    key: np.uint64,
     pads: int,
     rates: tuple[Floats, Floats],
     times: tuple[float, float, float],
@@ -50,21 +54,22 @@ def _live(
     free: Floats,
     room: tuple[Floats, Floats, Floats, Floats],
 ) -> tuple[int, int, int, int]:
-    """Serve the drones of one realization, see `lived`: (came, waiting, present at the start, departures), of which -1 came if the draws are too few.
+    """Serve the drones of one realization, see `lived`: (came, waiting, present at the start, departures), of which -1 came if the room is too small.
 
-    Into `room`, as long as the draws and more: arrivals and times on the pad of all of them, when the pad would be free behind the first so
+    Into `room`, as long as that is: arrivals and times on the pad of all of them, when the pad would be free behind the first so
     many, and departures after the start, ascending. `free` has the shape (pads,).
     """
     arrivals, services = rates
     first_s, start_s, end_s = times
     came, began, ready, left = room
-    size = len(draws)
     free[:] = -np.inf
     now, waiting, used = start_s, max(present - pads, 0), 0
     # Drones present at the start: on pads, for known or sampled times, and the rest in line.
     for pad in range(min(present, pads)):
         free[pad] = (
-            max(known_s[pad], start_s) if pad < len(known_s) else _after(start_s, draws[used], services, first_s)
+            max(known_s[pad], start_s)
+            if pad < len(known_s)
+            else _after(start_s, exponential(key, used), services, first_s)
         )
         used += 1
     # Departures after the start, at first of the drones on pads then.
@@ -81,17 +86,17 @@ def _live(
             if free[pad] < free[earliest]:
                 earliest = pad
         ready[count] = free[earliest]
-        if used + 2 > size:
+        if max(count, later) + 1 >= len(came):
             return -1, waiting, at_start, later
         # The next arrival, once those that waited at the start are served; the path ends with the horizon.
         if count >= waiting:
-            now = _after(now, draws[used], arrivals, first_s)
+            now = _after(now, exponential(key, used), arrivals, first_s)
             used += 1
             if now > end_s:
                 return count, waiting, at_start, later
         # It gets its pad and leaves it.
         came[count], began[count] = now, max(now, free[earliest])
-        free[earliest] = _after(began[count], draws[used], services, first_s)
+        free[earliest] = _after(began[count], exponential(key, used), services, first_s)
         used += 1
         if free[earliest] > start_s:
             later = _put_in_order(left, later, free[earliest])
@@ -113,28 +118,28 @@ def _put_in_order(ascending: Floats, count: int, value: float) -> int:
 
 @compiled
 def lived(
-    draws: Floats,
+    key: np.uint64,
     pads: int,
     spots: int,
     rates: tuple[Floats, Floats],
     times: tuple[float, float, float],
     present: int,
     known_s: Floats,
-) -> tuple[Floats, Floats, Floats, int, Floats, bool]:
+) -> tuple[Floats, Floats, Floats, int, Floats]:
     """Serve the drones present at first and all that arrive until the end, first come, first served.
 
     For the i-th of them: it arrives at a_i, the next event after a_(i-1) of a Poisson process with the arrival rate; it
     gets the pad that is free first, at b_i = max(a_i, f), and leaves it at the next event after b_i with the service
     rate, which is the pad's new f. `models.queues.paths.QueuePath` is what a drone meets behind the first 0, 1, 2, ... of those that come
-    after the start.
+    after the start. The standard exponential deviates of the events are those of the key, in their order.
 
-    Takes finite deviates from 0 up, hourly rates from 0 up that hold from before the start to the end, a pad or more, and
+    Takes hourly rates from 0 up that hold from before the start to the end, a pad or more, and
     spots and drones present from 0 up; `PadLoad`, `Network` and `Request` see to it.
 
     Parameters
     ----------
-    draws : ndarray, shape (deviates,)
-        Standard exponential deviates, used in order.
+    key : uint64
+        Of the deviates, see `models.jit.random_kernels`.
     pads, spots : int
         Pads, and holding spots beside them.
     rates : (arrivals_per_s, services_per_s)
@@ -150,25 +155,25 @@ def lived(
     -------
     arrival_s, pad_s, land_s, present, left_s
         Of a `models.queues.paths.QueuePath`.
-    enough : bool
-        Whether there were as many draws as it took; without them the others say nothing.
     """
-    _, arrival, pad, land, at_start, _, left, enough = lived_sets(
-        draws.reshape((1, len(draws))), pads, spots, rates, times, np.array([present]), known_s
+    first_s, start_s, end_s = times
+    _, arrival, pad, land, at_start, _, left = lived_sets(
+        np.array([key]), pads, spots, rates, (first_s, start_s), np.array([end_s]), np.array([present]), known_s
     )
-    return arrival[1:], pad, land, at_start[0], left, enough
+    return arrival[1:], pad, land, at_start[0], left
 
 
 @compiled
 def lived_sets(
-    draws: Floats,
+    keys: NDArray[np.uint64],
     pads: int,
     spots: int,
     rates: tuple[Floats, Floats],
-    times: tuple[float, float, float],
+    begins: tuple[float, float],
+    end_s: Floats,
     present: Integers,
     known_s: Floats,
-) -> tuple[Integers, Floats, Floats, Floats, Integers, Integers, Floats, bool]:
+) -> tuple[Integers, Floats, Floats, Floats, Integers, Integers, Floats]:
     """Serve many realizations of one station, each as `lived` does; packed as `models.queues.paths.PackedPaths`.
 
     One call for all: what is done for a realization takes a seventh of the time that calling a kernel for it would.
@@ -177,32 +182,37 @@ def lived_sets(
 
     Parameters
     ----------
-    draws : ndarray, shape (realizations, deviates)
-        Standard exponential deviates of each.
+    keys : ndarray of uint64, shape (realizations,)
+        Of the deviates of each.
+    begins : (first_s, start_s)
+        Of `times` there.
+    end_s : ndarray, shape (realizations,)
+        The end of each.
     present : ndarray of int, shape (realizations,)
         Others at the start in each, those beyond the pads in line.
-    pads, spots, rates, times, known_s
+    pads, spots, rates, known_s
         The station, as there.
 
     Returns
     -------
     offset, arrival_s, pad_s, land_s, present, left_offset, left_s
         Of `PackedPaths`.
-    enough : bool
-        Whether there were as many draws as it took for each; without them the others say nothing.
     """
-    count, size = draws.shape
-    room = np.empty(size + pads), np.empty(size + pads), np.empty(size + pads), np.empty(size + pads)
-    came, began, ready, gone = room
+    count = len(keys)
+    size = _ROOM + pads
+    room = np.empty(size), np.empty(size), np.empty(size), np.empty(size)
     free = np.empty(pads)
     packed, left = np.empty((3, 64 * count)), np.empty(64 * count)
     offset, left_offset = np.zeros(count + 1, dtype=np.int64), np.zeros(count + 1, dtype=np.int64)
     at_start = np.zeros(count, dtype=np.int64)
     for i in range(count):
-        of_all, waiting, at_start[i], later = _live(draws[i], pads, rates, times, present[i], known_s, free, room)
-        if of_all < 0:
-            nothing = np.empty(0)
-            return offset, nothing, nothing, nothing, at_start, left_offset, nothing, False
+        times = begins[0], begins[1], end_s[i]
+        of_all, waiting, at_start[i], later = _live(keys[i], pads, rates, times, present[i], known_s, free, room)
+        while of_all < 0:  # once more, the same with more room
+            size = 2 * size
+            room = np.empty(size), np.empty(size), np.empty(size), np.empty(size)
+            of_all, waiting, at_start[i], later = _live(keys[i], pads, rates, times, present[i], known_s, free, room)
+        came, began, ready, gone = room
         # The path begins behind those present at the start; its first entry holds for arrivals before all others.
         low = offset[i]
         entries = of_all + 1 - waiting
@@ -237,5 +247,4 @@ def lived_sets(
         at_start,
         left_offset,
         left[: left_offset[count]].copy(),
-        True,
     )

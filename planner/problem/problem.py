@@ -17,7 +17,7 @@ from skyway.models.flight.energy import FlightPower
 from skyway.models.flight.heights import wind_factors
 from skyway.models.flight.rules import SegmentWind, air_over
 from skyway.models.queues.opening_hours import Closures, closed_path, opening_hours
-from skyway.models.queues.paths import PackedPaths, QueuePath, joined, no_queue, pack
+from skyway.models.queues.paths import PackedPaths, QueuePath, joined, no_queue, pack, spliced
 from skyway.models.queues.sampling import sample_many, sample_sets
 from skyway.models.queues.waiting_times import TAIL_H
 from skyway.planner.parameters.planner import USUAL
@@ -348,19 +348,34 @@ class Problem:
                 kept[number].update({node: self.while_open(node, paths.get(node) or no_queue()) for node in missing})
         return [{node: paths[node] for node in wanted} for paths in kept]
 
-    def many_queues(self, nodes: Sequence[int], stream: int, count: int, until_s: float = math.inf) -> PackedPaths:
+    def many_queues(
+        self, nodes: Sequence[int], stream: int, count: int, until_s: float | NDArray[np.float64] = math.inf
+    ) -> PackedPaths:
         """Sample `count` realisations of the other drones at each of some places, in order (place, realisation).
 
         The realisations of a stream differ from those of `queue_sets` and of other streams; a repeated request with the same count gives the same
-        ones. Times after `until_s` may be missing.
+        ones. Times after `until_s`, of all or of each, shape (count,), may be missing: those after `sampled_until`.
         """
-        kept = self._many.setdefault((self.request.seed, stream, count), {})
+        kept, end_s = self._kept_queues(stream, count), self.depart_s + HORIZON_H * S_PER_H
+        wanted = np.broadcast_to(np.minimum(until_s, end_s), count)
         for node in nodes:
-            if node not in kept or kept[node][0] < until_s:
-                kept[node] = until_s, self._sampled_at(node, (self.request.seed, stream), count, until_s)
+            known, before = kept.get(node, (np.full(count, -math.inf), None))
+            lacking = known < wanted
+            if before is None or lacking.any():
+                found = self._sampled_at(node, (self.request.seed, stream), count, np.where(lacking, wanted, -math.inf))
+                found = found if before is None else spliced(before, found, lacking)
+                kept[node] = np.maximum(known, wanted), found
         return joined([kept[node][1] for node in nodes])
 
-    def _sampled_at(self, node: int, seed: tuple[int, int], count: int, until_s: float) -> PackedPaths:
+    def sampled_until(self, nodes: Sequence[int], stream: int, count: int) -> NDArray[np.float64]:
+        """Until when `many_queues` has sampled each realization at all of some places, POSIX seconds, shape (count,); infinite for all of the horizon."""
+        kept, end_s = self._kept_queues(stream, count), self.depart_s + HORIZON_H * S_PER_H
+        if any(node not in kept for node in nodes):
+            return np.full(count, -math.inf)
+        known = np.min([kept[node][0] for node in nodes], axis=0)
+        return np.where(known >= end_s, math.inf, known)
+
+    def _sampled_at(self, node: int, seed: tuple[int, int], count: int, until_s: NDArray[np.float64]) -> PackedPaths:
         pads, spots = int(self.network.pads[node]), int(self._spots[node])
         busy, free_s = self.busy.get(node), self.pads_free_s.get(node, ())
         hours, seeds = float(HORIZON_H), (_MANY, *seed)
@@ -369,9 +384,12 @@ class Problem:
             return found
         return pack([self.while_open(node, found[number]) for number in range(count)])
 
+    def _kept_queues(self, stream: int, count: int) -> dict[int, tuple[NDArray[np.float64], PackedPaths]]:
+        return self._many.setdefault((self.request.seed, stream, count), {})
+
     @cached_property
-    def _many(self) -> dict[tuple[int, int, int], dict[int, tuple[float, PackedPaths]]]:
-        """Sampled queues so far, by seed, stream, count and node, and until when they are known."""
+    def _many(self) -> dict[tuple[int, int, int], dict[int, tuple[NDArray[np.float64], PackedPaths]]]:
+        """Sampled queues so far, by seed, stream, count and node, and until when each is known, POSIX seconds."""
         return {}
 
     @cached_property

@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+    from skyway.models.queues.paths import PackedPaths
     from skyway.planner.problem.problem import Problem
     from skyway.planner.robust.out_of_sample import SampledTruths
 
@@ -43,14 +44,17 @@ class Calibrated(NamedTuple):
 
 
 def calibrated(
-    problem: Problem, nodes: Sequence[int], truths: SampledTruths, schedule: NDArray[np.float64]
+    problem: Problem, nodes: Sequence[int], truths: SampledTruths, paths: PackedPaths, schedule: NDArray[np.float64]
 ) -> Calibrated:
-    """Calibrate the weights of deliveries over some places, flown in some realizations with this schedule, shape (runs, legs, 7)."""
+    """Calibrate the weights of deliveries over some places, flown in some realizations with this schedule, shape (runs, legs, 7).
+
+    `paths` are those of the realizations, in order (place, set); see `reads_until_s`.
+    """
     weight = problem.probability[truths.members]
     weight = weight / weight.sum()
     member, runs = truths.members, len(weight)
-    sets = len(truths.paths) // len(nodes)
-    queues, share = Queues.of(truths.paths), _sums(weight, member)[member]
+    sets = len(paths) // len(nodes)
+    queues, share = Queues.of(paths), _sums(weight, member)[member]
     waits, lacking = [], []
     for place, node in enumerate(nodes):
         if not _is_known(problem, node):
@@ -75,6 +79,12 @@ def calibrated(
     lean = np.linalg.lstsq((z * weight[:, None]).T @ z, np.array(lacking), rcond=1e-9)[0]
     weight = weight * np.clip(1.0 + z @ lean, _LEAST, _MOST)
     return Calibrated(weight * share / _sums(weight, member)[member], z)
+
+
+def reads_until_s(schedule: NDArray[np.float64], member: NDArray[np.int64]) -> NDArray[np.float64]:
+    """Until when `calibrated` reads the queues of each run, POSIX seconds, shape (runs,); -inf for a member none of whose runs lands anywhere."""
+    usual = np.column_stack([_usual(schedule[:, leg, TOUCH_DOWN], member) for leg in range(schedule.shape[1])])
+    return np.asarray(usual.max(axis=1, where=np.isfinite(usual), initial=-np.inf))
 
 
 def _is_known(problem: Problem, node: int) -> bool:

@@ -15,7 +15,7 @@ import numpy as np
 from skyway.models.base.errors import Fault, InputError
 from skyway.models.wind.estimation.field import ResidualModel
 from skyway.planner.problem.kernel_inputs import check_runs, check_shape
-from skyway.planner.robust.calibration import calibrated
+from skyway.planner.robust.calibration import calibrated, reads_until_s
 from skyway.planner.robust.charge_kernels import fly_by_required_soc
 from skyway.planner.robust.free_capacity import room_at
 from skyway.planner.robust.free_capacity_kernels import Present
@@ -76,8 +76,10 @@ def known_at(problem: Problem, errors: Errors, *, measured: bool, epsilon: float
     )
 
 
-_AHEAD = 2.0
-"""Ratio of the sampled time of queues to the longest previous delivery by the same route."""
+_AHEAD = 1.3
+"""Ratio of the sampled time of queues to the longest previous delivery by the same route in the same wind."""
+_MOST_OF_THEM = 0.8
+"""Share of the previous deliveries that took less than one in a wind that none of them met is assumed to take."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -186,19 +188,13 @@ class ChargePolicy:
         """
         p, share = self.problem, left_out(self.problem.ensemble, self.problem.parameters.robust.apart_days)
         tables = before.tables if before is not None else required_soc_tables(p.air, len(self))
-
-        def fly(until_s: float) -> tuple[SampledTruths, NDArray[np.float64], NDArray[np.float64]]:
-            found = simulated_realizations(p, self.itinerary, errors, runs, max_realizations, sample_set, until_s)
-            flown = self.fly(p, found.disturbance, found.members, found.paths, share=share, tables=tables)
-            return found, *flown
-
-        # Queues are sampled for twice the time that deliveries took before, and for longer where one takes longer after all.
-        until_s = math.inf if before is None else p.depart_s + _AHEAD * (before.ends_s - p.depart_s)
-        found, schedule, energy_ratio = fly(until_s)
-        if math.isfinite(until_s) and schedule[:, :, TOUCH_DOWN].max() > until_s:
-            found, schedule, energy_ratio = fly(math.inf)
+        found = simulated_realizations(p, self.itinerary, errors, runs, max_realizations, sample_set)
         members, disturbance = found.members, found.disturbance
-        weight, control = calibrated(p, place_nodes(p, self.itinerary), found, schedule)
+        until_s = np.full(found.sets, math.inf) if before is None else self._likely_ends_s(found, before)
+        schedule, energy_ratio, paths = self._fly_to_their_ends(
+            disturbance, members, sample_set, until_s, share=share, tables=tables
+        )
+        weight, control = calibrated(p, place_nodes(p, self.itinerary), found, paths, schedule)
         simulated = OutOfSample(
             schedule, weight, members, disturbance.queue, energy_ratio, found.usual_ratio,
             np.ascontiguousarray(disturbance.energy[:, : len(self)]), errors.energy_of(p.drone), tables, control,
@@ -225,6 +221,51 @@ class ChargePolicy:
         ratio = np.where(broken, taken / self.way_on_soc, 0.0)
         return replace(simulated, energy_ratio=np.column_stack((energy_ratio, ratio)), onward_soc=onward_soc)
 
+    def _fly_to_their_ends(
+        self,
+        disturbance: Disturbance,
+        members: NDArray[np.int64],
+        sample_set: int,
+        until_s: NDArray[np.float64],
+        *,
+        share: NDArray[np.float64],
+        tables: NDArray[np.float64],
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64], PackedPaths]:
+        """Fly it in the winds of the forecast, through queues that are sampled for as long as each delivery takes: (schedule, energy_ratio, paths).
+
+        Queues, a set for each of `until_s`, are sampled until then, or as long as they already were; those in which a delivery takes longer
+        are sampled for all of the horizon, and it is flown again.
+        """
+        p, nodes, sets = self.problem, place_nodes(self.problem, self.itinerary), len(until_s)
+        paths = p.many_queues(nodes, sample_set, sets, until_s)
+        schedule, energy_ratio = self.fly(p, disturbance, members, paths, share=share, tables=tables)
+        read_s = np.maximum(schedule[:, :, TOUCH_DOWN].max(axis=1), reads_until_s(schedule, members))
+        late = np.flatnonzero(read_s > p.sampled_until(nodes, sample_set, sets)[disturbance.queue])
+        if len(late):
+            until_s = until_s.copy()
+            until_s[disturbance.queue[late]] = math.inf
+            paths = p.many_queues(nodes, sample_set, sets, until_s)
+            again = disturbance._replace(
+                queue=disturbance.queue[late], energy=disturbance.energy[late], gust_key=disturbance.gust_key[late]
+            )
+            schedule[late], energy_ratio[late] = self.fly(p, again, members[late], paths, share=share, tables=tables)
+        return schedule, energy_ratio, paths
+
+    def _likely_ends_s(self, truths: SampledTruths, before: OutOfSample) -> NDArray[np.float64]:
+        """Until when the deliveries in each set of queues will hardly fly, by those before in the same winds, POSIX seconds, shape (sets,).
+
+        Where the queues were sampled for as long as it took before, they are not sampled again.
+        """
+        p, nodes = self.problem, place_nodes(self.problem, self.itinerary)
+        last_s = before.schedule[:, :, TOUCH_DOWN].max(axis=1)
+        ends_s = np.full(len(p.probability), np.quantile(last_s, _MOST_OF_THEM, method="lower"))
+        ends_s[before.member] = -math.inf
+        np.maximum.at(ends_s, before.member, last_s)
+        needed_s = np.full(truths.sets, -math.inf)
+        np.maximum.at(needed_s, truths.disturbance.queue, ends_s[truths.members])
+        known_s = p.sampled_until(nodes, truths.sample_set, truths.sets)
+        return np.where(known_s >= needed_s, known_s, p.depart_s + _AHEAD * (needed_s - p.depart_s))
+
     def typical(self, before: OutOfSample) -> Typical:
         """Choose the typical schedule; see `planner.schedule.typical`.
 
@@ -234,17 +275,11 @@ class ChargePolicy:
         share = left_out(p.ensemble, p.parameters.robust.apart_days)
 
         def fly(members: NDArray[np.int64], queues: NDArray[np.int64]) -> NDArray[np.float64]:
-            disturbance, schedule = no_disturbance(len(members))._replace(queue=queues), np.empty(0)
-            for until_s in (
-                before.ends_s,
-                math.inf,
-            ):  # as for `before`; and for longer where a calm delivery takes longer
-                paths = p.many_queues(place_nodes(p, self.itinerary), PROMISING, before.sets, until_s)
-                schedule = self.fly(p, disturbance, members, paths, share=share, tables=before.tables)[0]
-                landed = schedule[:, :, TOUCH_DOWN]
-                if landed.max(where=np.isfinite(landed), initial=-math.inf) <= until_s:
-                    break
-            return schedule
+            disturbance = no_disturbance(len(members))._replace(queue=queues)
+            until_s = np.full(before.sets, -math.inf)  # as far as they were sampled for `before`
+            return self._fly_to_their_ends(disturbance, members, PROMISING, until_s, share=share, tables=before.tables)[
+                0
+            ]
 
         return typical_schedule(before, p.reserve, fly, p.parameters.schedule)
 

@@ -28,7 +28,6 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from skyway.models.drones.energy_belief import EnergyBelief
-    from skyway.models.queues.paths import PackedPaths
     from skyway.models.wind.forecast import WindEnsemble
     from skyway.planner.problem.error_model import Errors
     from skyway.planner.problem.problem import Problem
@@ -70,10 +69,15 @@ class SampledTruths(NamedTuple):
     """Shape (runs,). Member of the forecast that is the true wind of each run."""
     disturbance: Disturbance
     """Its queues, energy and gusts."""
-    paths: PackedPaths
-    """Sampled queues at each of `planner.schedule.itinerary.place_nodes`, in order (place, set)."""
     usual_ratio: NDArray[np.float64]
     """Shape (runs,). Persistent part of each vehicle's energy ratio to the model over the legs."""
+    sample_set: int
+    """Of whose queues."""
+
+    @property
+    def sets(self) -> int:
+        """Sets of queues."""
+        return int(self.disturbance.queue.max()) + 1
 
 
 def simulated_realizations(
@@ -83,11 +87,10 @@ def simulated_realizations(
     runs: int,
     max_realizations: int | None = None,
     sample_set: int = CHOOSING,
-    until_s: float = math.inf,
 ) -> SampledTruths:
     """Realizations in which routes are tried, the same for all of one request; see `ChargePolicy.simulate`.
 
-    Queues may be known until some time only. Each realization has its own gusts, and few share their queues (`RobustParameters.runs_per_queues`). Vehicles are drawn evenly, in each member and over all (`drawn_evenly`).
+    Each realization has its own gusts, and few share their queues (`RobustParameters.runs_per_queues`). Vehicles are drawn evenly, in each member and over all (`drawn_evenly`).
     """
     count = len(problem.probability)
     chosen = evenly(count, count if max_realizations is None else max_realizations)
@@ -100,17 +103,17 @@ def simulated_realizations(
     shares = [drawn_evenly(rng, len(chosen), each) for _ in range(1 + flights)]
     usual, ratio = belief.ratios(np.column_stack(shares))
     sets = -(-len(members) // problem.parameters.robust.runs_per_queues)
-    paths = problem.many_queues(place_nodes(problem, itinerary), sample_set, sets, until_s)
     queue = np.arange(len(members)) % sets  # runs that share one are of different members
     disturbance = Disturbance(queue, ratio, key, errors.gust_sd, errors.gust_time_s)
-    return SampledTruths(members, disturbance, paths, usual)
+    return SampledTruths(members, disturbance, usual, sample_set)
 
 
 def realization_of(problem: Problem, itinerary: Itinerary, typical: Typical, runs: Runs) -> Realization:
     """Return the realization of ``PROMISING`` in which the typical schedule of runs was flown, for its audit."""
     queues = None
     if typical.queue is not None:
-        nodes, until_s = place_nodes(problem, itinerary), float(typical.schedule[-1, TOUCH_DOWN])
+        nodes, until_s = place_nodes(problem, itinerary), np.full(runs.sets, -math.inf)
+        until_s[typical.queue] = typical.schedule[-1, TOUCH_DOWN]
         queues = {node: problem.many_queues([node], PROMISING, runs.sets, until_s)[typical.queue] for node in nodes}
     return Realization(typical.member, queues)
 
@@ -118,7 +121,8 @@ def realization_of(problem: Problem, itinerary: Itinerary, typical: Typical, run
 def simulate_fixed(problem: Problem, itinerary: Itinerary, errors: Errors, runs: int) -> Runs:
     """Fly a fixed itinerary in the realizations in which the promises of a `ChargePolicy` are computed."""
     found = simulated_realizations(problem, itinerary, errors, runs, sample_set=PROMISING)
-    schedule = fly_as_it_stands(problem, itinerary, found.members, found.disturbance, found.paths)
+    paths = problem.many_queues(place_nodes(problem, itinerary), PROMISING, found.sets)
+    schedule = fly_as_it_stands(problem, itinerary, found.members, found.disturbance, paths)
     weight = problem.probability[found.members]
     return Runs(schedule, weight / weight.sum(), found.members, found.disturbance.queue)
 

@@ -7,10 +7,7 @@ standard deviations:
 
     x(k) = phi x(k - 1) + sqrt(1 - phi^2) e(k),     phi = exp(-GUST_STEP_S / time constant)
 
-The normal deviates e(k) are a function of key and k: SplitMix64 of a counter, then Box and Muller.
-
-Sources: Steele, Lea and Flood, "Fast splittable pseudorandom number generators", OOPSLA 2014; Box and Muller, "A note
-on the generation of random normal deviates", Annals of Mathematical Statistics 29 (1958).
+The normal deviates e(k) are a function of key and k (`models.jit.random_kernels`).
 """
 
 from __future__ import annotations
@@ -22,6 +19,7 @@ import numpy as np
 
 from skyway.models.flight.kernels import NEVER, airborne_speed, flown_part, land, slot_end, slot_of, wind_on
 from skyway.models.jit.compiled import compiled_lean
+from skyway.models.jit.random_kernels import normals
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -35,11 +33,6 @@ LATERAL = 0.8
 MAX_DEVIATION = 3.0
 """Gusts are cut off at this many standard deviations."""
 _WARM_UP = 7.0
-_GOLDEN = np.uint64(0x9E3779B97F4A7C15)
-_MIX_1 = np.uint64(0xBF58476D1CE4E5B9)
-_MIX_2 = np.uint64(0x94D049BB133111EB)
-_S30, _S27, _S31, _S11 = np.uint64(30), np.uint64(27), np.uint64(31), np.uint64(11)
-_ONE, _TWO = np.uint64(1), np.uint64(2)
 
 
 class Disturbance(NamedTuple):
@@ -64,33 +57,9 @@ def no_disturbance(runs: int) -> Disturbance:
 
 
 @compiled_lean
-def mixed(z: np.uint64) -> np.uint64:
-    """Scramble 64 bits (the finaliser of SplitMix64)."""
-    z = (z ^ (z >> _S30)) * _MIX_1
-    z = (z ^ (z >> _S27)) * _MIX_2
-    return z ^ (z >> _S31)
-
-
-@compiled_lean
-def deviates(key: np.uint64, step: int) -> tuple[float, float]:
-    """Two independent standard normal deviates of a step of time: e(k) along and across the wind.
-
-    From U, V uniform in (0, 1) and [0, 1), 53 bits each: sqrt(-2 ln U) (cos, sin)(2 pi V).
-    """
-    # Two numbers of the counter, scrambled.
-    counter = np.uint64(step) * _TWO
-    first = mixed(key + counter * _GOLDEN)
-    second = mixed(key + (counter + _ONE) * _GOLDEN)
-    # Box and Muller.
-    radius = math.sqrt(-2.0 * math.log((np.float64(first >> _S11) + 1.0) / 9007199254740993.0))
-    angle = 2.0 * math.pi * np.float64(second >> _S11) / 9007199254740992.0
-    return radius * math.cos(angle), radius * math.sin(angle)
-
-
-@compiled_lean
 def gust_after(gust: tuple[float, float], key: np.uint64, step: int, phi: float, scale: float) -> tuple[float, float]:
     """Gust of a step k of time, x(k), from that of the step before; `scale` is sqrt(1 - phi^2)."""
-    along, across = deviates(key, step)
+    along, across = normals(key, step)
     return phi * gust[0] + scale * along, phi * gust[1] + scale * across
 
 
@@ -102,7 +71,7 @@ def gust_at(key: np.uint64, step: int, phi: float) -> tuple[float, float]:
     """
     scale = math.sqrt(1.0 - phi * phi)
     length = int(math.ceil(-_WARM_UP / math.log(phi))) if phi > 0.0 else 0
-    gust = deviates(key, step - length)
+    gust = normals(key, step - length)
     for k in range(step - length + 1, step + 1):
         gust = gust_after(gust, key, k, phi, scale)
     return gust

@@ -1,4 +1,4 @@
-"""Kernels of random numbers whose state is an array: SplitMix64 (Steele, Lea and Flood, OOPSLA 2014)."""
+"""Kernels of random numbers whose state is an array: SplitMix64, see `models.jit.random_kernels`."""
 
 from __future__ import annotations
 
@@ -7,22 +7,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from skyway.models.jit.compiled import compiled_lean
+from skyway.models.jit.random_kernels import GOLDEN, mixed
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-GOLDEN = np.uint64(0x9E3779B97F4A7C15)
-MIX_1 = np.uint64(0xBF58476D1CE4E5B9)
-MIX_2 = np.uint64(0x94D049BB133111EB)
-_S30, _S27, _S31, _S11 = np.uint64(30), np.uint64(27), np.uint64(31), np.uint64(11)
-
-
-@compiled_lean
-def mixed(state: np.uint64) -> np.uint64:
-    """Return the output of SplitMix64 for a state."""
-    z = (state ^ (state >> _S30)) * MIX_1
-    z = (z ^ (z >> _S27)) * MIX_2
-    return z ^ (z >> _S31)
+_S11 = np.uint64(11)
 
 
 @compiled_lean

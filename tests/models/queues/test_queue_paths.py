@@ -1,6 +1,7 @@
 """One realisation of the other drones: a brute-force simulation with our drone in it gives the same times."""
 
 import heapq
+import itertools
 import math
 from collections import deque
 
@@ -11,7 +12,7 @@ from hypothesis import strategies as st
 
 from benchmarks.cases.loads import scaled_to
 from skyway.models.queues.load import PadLoad
-from skyway.models.queues.paths import QueuePath, expected_paths, joined, no_queue, pack
+from skyway.models.queues.paths import QueuePath, expected_paths, joined, no_queue, pack, spliced
 from skyway.models.queues.sampling import sample_many, sample_path, sample_sets, sampled_waits
 from skyway.models.queues.sampling_kernels import lived, lived_sets
 from skyway.models.queues.waiting_times import STEP_S, forecast_waits
@@ -65,13 +66,13 @@ def brute_force(pads: int, spots: int, others: list[tuple[float, float]], ours_s
 
 def replayed(path_seed: int, pads: int, utilisation: float, hours: float) -> list[tuple[float, float]]:
     """(arrival, charging time) of the others, from the same stream of random numbers at constant rates."""
-    rng = np.random.default_rng(path_seed)
+    deviates = exponentials(int(np.random.default_rng(path_seed).integers(0, 2**64, dtype=np.uint64)))
     now, others = 0.0, []
     while True:
-        now += rng.standard_exponential() * HOUR / (utilisation * pads)
+        now += next(deviates) * HOUR / (utilisation * pads)
         if now > (8 + hours) * HOUR:
             return others
-        others.append((now, rng.standard_exponential() * HOUR))
+        others.append((now, next(deviates) * HOUR))
 
 
 @settings(max_examples=60, deadline=None)
@@ -172,21 +173,45 @@ def test_paths_sampled_at_once_have_the_waits_of_the_forecast(busy):
     assert (np.abs(waits.mean(axis=0) - np.interp(times, grid, expected)) < 4.0 * error + 1.0).all()
 
 
-def test_paths_that_are_sampled_for_a_while_are_the_beginnings_of_long_ones():
-    load, until_s = steady_load(0.9), START + 5 * HOUR
+@pytest.mark.parametrize("hours", [5.0, np.arange(40) / 4.0])
+def test_paths_that_are_sampled_for_a_while_are_the_beginnings_of_long_ones(hours):
+    load, until_s = steady_load(0.9), START + HOUR * hours
     whole, begun = (sample_many(load, 3, 2, 0, START, 24.0, (7,), 40, None, (), end) for end in (math.inf, until_s))
-    times = np.arange(START, until_s, 300.0)
     assert len(begun.pad_s) < len(whole.pad_s) / 3
-    for number in range(40):
-        one, other = begun[number], whole[number]
+    for number, until in enumerate(np.broadcast_to(until_s, 40)):
+        times, one, other = np.arange(START, until, 300.0), begun[number], whole[number]
         assert np.array_equal(one.pad_time(times), other.pad_time(times))
         assert [one.land_time(t) for t in times] == [other.land_time(t) for t in times]
-        assert np.array_equal(one.left_s[one.left_s <= until_s], other.left_s[other.left_s <= until_s])
+        assert np.array_equal(one.left_s[one.left_s <= until], other.left_s[other.left_s <= until])
 
 
-def served_one_by_one(draws, present, pads=3, spots=2, start_s=8 * HOUR, end_s=18 * HOUR):
+def test_spliced_paths_are_those_that_were_chosen():
+    load, rng = steady_load(0.9), np.random.default_rng(4)
+    some, others = (sample_many(load, 3, 2, 0, START, 20.0, (seed,), 30, None) for seed in (1, 2))
+    chosen = rng.random(30) < 0.4
+    found = spliced(some, others, chosen)
+    assert len(found) == 30
+    for number in range(30):
+        one, expected = found[number], (others if chosen[number] else some)[number]
+        for name in ("arrival_s", "pad_s", "land_s", "delay_s", "left_s", "present"):
+            assert np.array_equal(getattr(one, name), getattr(expected, name))
+
+
+MASK = 2**64 - 1
+
+
+def exponentials(key):
+    """Standard exponential deviates of a key: SplitMix64 of a counter, in whole numbers of Python."""
+    for counter in itertools.count():
+        z = (key + counter * 0x9E3779B97F4A7C15) & MASK
+        z = ((z ^ (z >> 30)) * 0xBF58476D1CE4E5B9) & MASK
+        z = ((z ^ (z >> 27)) * 0x94D049BB133111EB) & MASK
+        yield -math.log((((z ^ (z >> 31)) >> 11) + 0.5) / 2.0**53)
+
+
+def served_one_by_one(key, present, pads=3, spots=2, start_s=8 * HOUR, end_s=18 * HOUR):
     """Three arrivals an hour, an hour on a pad on average: who came, when a pad and a place would be free for ours, who was there, who left."""
-    deviates = iter(draws)
+    deviates = exponentials(key)
     free = [-math.inf] * pads
     for pad in range(min(present, pads)):
         free[pad] = start_s + HOUR * next(deviates)
@@ -218,13 +243,16 @@ def test_paths_sampled_at_once_are_the_same_again_and_each_is_that_of_its_deviat
     for name in ("offset", "arrival_s", "pad_s", "land_s", "delay_s", "present", "left_offset", "left_s"):
         assert np.array_equal(getattr(one, name), getattr(again, name))
     assert not np.array_equal(one.arrival_s, other.arrival_s)
-    draws = np.random.default_rng(3).standard_exponential((4, 400))
-    station = 3, 2, (np.full(20, 3.0 / HOUR), np.full(20, 1.0 / HOUR)), (0.0, 8 * HOUR, 18 * HOUR)
-    present = np.array([0, 2, 3, 9])
-    offset, arrival, pad, land, there, left_offset, left, enough = lived_sets(draws, *station, present, np.empty(0))
-    assert enough
-    for number in range(4):
-        came, pad_s, land_s, begin, later = served_one_by_one(draws[number].tolist(), int(present[number]))
+    keys = np.random.default_rng(3).integers(0, 2**64, 6, dtype=np.uint64)
+    station = 3, 2, (np.full(20, 3.0 / HOUR), np.full(20, 1.0 / HOUR))
+    present, ends = np.array([0, 2, 3, 9, 300, 0]), HOUR * np.array([18.0, 18.0, 18.0, 9.0, 30.0, 200.0])
+    offset, arrival, pad, land, there, left_offset, left = lived_sets(
+        keys, *station, (0.0, 8 * HOUR), ends, present, np.empty(0)
+    )
+    for number in range(6):
+        came, pad_s, land_s, begin, later = served_one_by_one(
+            int(keys[number]), int(present[number]), end_s=float(ends[number])
+        )
         part = slice(offset[number], offset[number + 1])
         assert arrival[part][0] == -math.inf
         assert arrival[part][1:] == pytest.approx(came, rel=1e-12)
@@ -232,10 +260,9 @@ def test_paths_sampled_at_once_are_the_same_again_and_each_is_that_of_its_deviat
         assert land[part] == pytest.approx(land_s, rel=1e-12)
         assert there[number] == begin
         assert left[left_offset[number] : left_offset[number + 1]] == pytest.approx(later, rel=1e-12)
-        alone = lived(draws[number], *station, present[number], np.empty(0))
+        alone = lived(keys[number], *station, (0.0, 8 * HOUR, ends[number]), present[number], np.empty(0))
         assert np.array_equal(alone[0], arrival[part][1:])
         assert np.array_equal(alone[4], left[left_offset[number] : left_offset[number + 1]])
-    assert not lived_sets(draws[:, :10].copy(), *station, present, np.empty(0))[-1]
 
 
 def test_others_arrive_at_the_rate_of_each_hour():

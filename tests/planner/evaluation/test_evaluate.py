@@ -4,6 +4,7 @@ import json
 import math
 from dataclasses import replace
 from datetime import UTC, date, datetime, timedelta
+from statistics import NormalDist
 
 import numpy as np
 import pytest
@@ -73,10 +74,8 @@ def mixed(z):
 
 
 def normals(key, step):
-    first, second = (mixed((key + (2 * step + k) * GOLDEN) & MASK) >> 11 for k in (0, 1))
-    radius = math.sqrt(-2.0 * math.log((first + 1.0) / (2.0**53 + 1.0)))
-    angle = 2.0 * math.pi * second / 2.0**53
-    return radius * math.cos(angle), radius * math.sin(angle)
+    bits = mixed((key + step * GOLDEN) & MASK)
+    return [NormalDist().inv_cdf((half + 0.5) / 2.0**32) for half in (bits >> 32, bits & 0xFFFFFFFF)]
 
 
 def plain_gust(key, begin, step, phi):

@@ -38,7 +38,7 @@ def flown(policy, seed, runs=400):
 
 def test_calibrated_means_differ_less_between_seeds_and_are_the_same_on_average(policy):
     plain, calibrated, told = [], [], []
-    for seed in range(40, 64):
+    for seed in range(1000, 1100):
         found = flown(policy, seed)
         arrives = np.isfinite(found.arrival_s)
         times = found.arrival_s[arrives] - policy.problem.depart_s

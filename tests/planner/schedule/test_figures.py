@@ -164,7 +164,8 @@ def test_waiting_for_room_is_no_waiting_for_wind(newyork):
     )
     found = plan(newyork, ask("bellevue", "jacobi", drone="m300"), forecast=mixed)
     leg = found.composition.services[0]
-    assert leg.p_hold == pytest.approx(0.5)
+    # In calm wind nobody waits for the wind; one that waited for room may then wait for a pad.
+    assert 0.5 - 1e-9 <= leg.p_hold < 0.5 + 0.2 * leg.p_hold_room
     # The destination is nearly full in one of a hundred: as often as in queues that nobody planned in.
     leaves_s = (DEPART.timestamp(), DEPART.timestamp() + 2 * 3600.0)
     p = found.robust.policy.problem
