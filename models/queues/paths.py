@@ -188,14 +188,14 @@ def spliced(paths: PackedPaths, others: PackedPaths, chosen: NDArray[np.bool_]) 
     left_offset, departures = _taken_from(paths.left_offset, others.left_offset, chosen)
 
     def taken(name: str, numbers: NDArray[np.int64]) -> NDArray[np.float64]:
-        return np.concatenate([getattr(paths, name), getattr(others, name)])[numbers]
+        return np.asarray(np.concatenate([getattr(paths, name), getattr(others, name)])[numbers])
 
     return PackedPaths(
-        offset,
-        *(taken(name, entries) for name in ("arrival_s", "pad_s", "land_s", "delay_s")),
-        np.where(chosen, others.present, paths.present),
-        left_offset,
-        taken("left_s", departures),
+        offset=offset,
+        present=np.where(chosen, others.present, paths.present),
+        left_offset=left_offset,
+        left_s=taken("left_s", departures),
+        **{name: taken(name, entries) for name in ("arrival_s", "pad_s", "land_s", "delay_s")},
     )
 
 

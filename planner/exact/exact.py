@@ -25,9 +25,9 @@ from skyway.models.base.errors import NoRouteError
 from skyway.planner.exact.escape import needed_to_land
 from skyway.planner.exact.guided_search import GuidedSearch
 from skyway.planner.exact.label_search import GAIN_S
-from skyway.planner.exact.relaxation import cells_for, longest_cell_s, only_nodes, run_backward, run_forward
+from skyway.planner.exact.relaxation import cells_for, guided, longest_cell_s, run_forward
 from skyway.planner.exact.stop_labels import landing_s
-from skyway.planner.exact.subnetwork import narrowed, queued, subnetwork
+from skyway.planner.exact.subnetwork import queued, subnetwork
 from skyway.planner.lookahead.lookahead import Lookahead
 from skyway.planner.schedule.no_route import no_route
 
@@ -168,12 +168,8 @@ class ExactSearch(GuidedSearch):
                 return
             until_s = min(max(self.lower_bound_s, forward.arrive_s) + beyond * forward.cells.step_s, self._better_s)
             needed = needed_to_land(self.problem, self._speeds, self.queues, self._margin, until_s)
-            guide = run_backward(whole, self._costs, forward, needed, self._come_by_s(until_s))
-            keep = guide.used.copy()
-            keep[[whole.origin, whole.destination]] = True
-            part = queued(narrowed(whole, keep), self.problem, self.queues)
-            guide, _ = only_nodes(guide, forward, keep)
-            self._refine(part, guide, needed, until_s)
+            part, guide, _ = guided(whole, self._costs, forward, needed, self._come_by_s(until_s))
+            self._refine(queued(part, self.problem, self.queues), guide, needed, until_s)
 
     def _search_until(self, until_s: float, whole: Subnetwork) -> None:
         """Search for arrivals until some time; without one there is none.
@@ -195,11 +191,7 @@ class ExactSearch(GuidedSearch):
             end = forward.cells.over_s + forward.cells.length * forward.cells.step_s + whole.table.descent_s
             landed = landing_s(self.problem, self.queues, end)
             deadline = min(until_s, end if landed <= end else landed + 2.0 * GAIN_S)
-            guide = run_backward(whole, costs, forward, needed, self._come_by_s(deadline))
-            keep = guide.used.copy()
-            keep[[whole.origin, whole.destination]] = True
-            part = narrowed(whole, keep)
-            guide, forward = only_nodes(guide, forward, keep)
+            part, guide, forward = guided(whole, costs, forward, needed, self._come_by_s(deadline))
             if not hurry:
                 self._refine(part, guide, needed, deadline)
             elif self._hurried(part, guide, forward, needed, deadline, last=deadline >= until_s):

@@ -12,9 +12,9 @@ import numpy as np
 from skyway.models.base.errors import Fault, InputError
 from skyway.planner.exact.gates import last_gates
 from skyway.planner.exact.label_search import GAIN_S, Round
-from skyway.planner.exact.relaxation import Start, only_nodes, run_backward, run_forward
+from skyway.planner.exact.relaxation import Start, guided, run_forward
 from skyway.planner.exact.stop_labels import StopLabels, come_by_s, costs_of, landing_s, longest_s
-from skyway.planner.exact.subnetwork import Extent, narrowed
+from skyway.planner.exact.subnetwork import Extent
 from skyway.planner.problem.kernel_inputs import check_shape, check_speeds
 from skyway.planner.problem.speeds import GivenSpeeds, TrueSpeeds
 
@@ -206,56 +206,92 @@ class GuidedSearch:
                 least + (beyond * cells.step_s if near else beyond * (least - start.time_s) + 2.0 * cells.step_s),
                 deadline_s,
             )
-            for gate in tuple(gates):
-                found = self._bound_after(gate, part, forward, needed, until)
-                least = max(least, found)
-                if self._proved() or (not part.whole and self._answer is not None and self.best_s <= least + GAIN_S):
-                    return
-                if found >= until:
-                    break
-                gates.remove(gate)  # it bounds no further
+            least = self._bound_by(gates, part, forward, needed, (least, until))
+            if self._proved() or (not part.whole and self._answer is not None and self.best_s <= least + GAIN_S):
+                return
             until = min(until, self._better_s)
             if least < until:
-                narrow = run_backward(part, self._costs, forward, needed, self._come_by_s(until))
-                if self._run(part, narrow, forward, needed, until, self._stop_at, least_s=least):
+                narrow = guided(part, self._costs, forward, needed, self._come_by_s(until))
+                if self._run(*narrow, needed, until, self._stop_at, least_s=least):
                     return
             if until >= min(deadline_s, self._better_s) or self._given_up:
                 return
             least = until
 
-    def _bound_after(
-        self, gate: Gate, part: Subnetwork, forward: Forward, needed: NDArray[np.float64], until_s: float
+    def _bound_by(
+        self,
+        gates: list[Gate],
+        part: Subnetwork,
+        forward: Forward,
+        needed: NDArray[np.float64],
+        between_s: tuple[float, float],
     ) -> float:
+        """Return the latest time before which nothing arrives, of two: what searches from gates on find. A gate that bounds no further is removed.
+
+        The stations from which a drone arrives by a deadline can be few, and by the next one hundreds. So a search from a gate that makes many labels,
+        for a deadline far beyond what is known, is done again for one half as far.
+        """
+        least, until = between_s
+        near_s = self.parameters.near_gate_cells * forward.cells.step_s
+        for gate in tuple(gates):
+            hard_s = math.inf  # a deadline for which the search makes many labels
+            while least < until:
+                to_s = until
+                if hard_s < math.inf:
+                    to_s = hard_s if hard_s - least <= near_s else 0.5 * (least + hard_s)
+                made = self.parameters.gate_made if to_s - least > near_s else math.inf
+                found, again_s = self._bound_after(gate, part, forward, needed, to_s, made)
+                if again_s < math.inf and self._time_is_left:
+                    hard_s = min(again_s, to_s)
+                    continue
+                least = max(least, found)
+                if self._proved():
+                    return least
+                if found < to_s:
+                    gates.remove(gate)
+                    break
+                hard_s = hard_s if hard_s > to_s else math.inf
+        return least
+
+    def _bound_after(
+        self,
+        gate: Gate,
+        part: Subnetwork,
+        forward: Forward,
+        needed: NDArray[np.float64],
+        until_s: float,
+        made: float,
+    ) -> tuple[float, float]:
         """Return a time before which nothing arrives, up to `until_s`: what a search from a gate on finds.
 
-        Where there is a way to the station where its best delivery begins, with all that can be had there, that is the answer.
+        Where there is a way to the station where its best delivery begins, with all that can be had there, that is the answer. The search ends
+        when it has `made` so many labels; by when the best delivery that it found arrives is returned, too, else inf.
         """
         come_by = self._come_by_s(until_s)
-        guide = run_backward(part, self._costs, gate.forward, needed, come_by, landed_by=gate.landed_by)
-        small, guide, after = _where_used(part, guide, gate.forward)
+        small, guide, after = guided(part, self._costs, gate.forward, needed, come_by, landed_by=gate.landed_by)
         most = math.inf
         if not gate.shut:
             most = self.parameters.gate_labels if part.whole else self.parameters.near_labels
-        one = self._round(small, guide, after, needed, until_s, self._stop_at, most, landed_by=gate.landed_by)
+        one = self._round(
+            small, guide, after, needed, until_s, self._stop_at, most, landed_by=gate.landed_by, made=made
+        )
         one.run(replace(gate, forward=after).roots(one.stop_labels, guide))
         self.labels_expanded += one.labels_expanded
         if not one.complete:
-            return self.lower_bound_s
+            return self.lower_bound_s, one.stop_labels.best_s + 2.0 * GAIN_S if one.is_hard else math.inf
         least = one.stop_labels.best_s
         known = self._known_s(part)
         self._nothing_before(part, least)
         if one.best is None or self._proved() or least <= known:
-            return least
+            return least, math.inf
         walks = [np.array(leg.segments) for leg in one.stop_labels.trace(*one.best)]
         network, segments = self.problem.network, np.concatenate(walks)
         over = np.searchsorted(part.nodes, np.unique((network.tail[segments], network.head[segments])))
         mask = gate.only_over(over, forward.over.shape)
         until_s = min(until_s, least + self.parameters.gate_late_s)
-        guide = run_backward(part, self._costs, forward, needed, self._come_by_s(until_s), within=mask)
-        self._run(
-            part, guide, forward, needed, until_s, self._stop_at, self.parameters.gate_labels, least, proves=False
-        )
-        return least
+        narrow = guided(part, self._costs, forward, needed, self._come_by_s(until_s), within=mask)
+        self._run(*narrow, needed, until_s, self._stop_at, self.parameters.gate_labels, least, proves=False)
+        return least, math.inf
 
     def _round(
         self,
@@ -268,6 +304,7 @@ class GuidedSearch:
         most_labels: float = math.inf,
         least_s: float = -math.inf,
         landed_by: int = -1,
+        made: float = math.inf,
     ) -> Round:
         """Return a search of labels for arrivals until some time, before which nothing arrives until `least_s`."""
         stop_labels = StopLabels(self.problem, self.queues, part, needed, margin_soc_per_s=self._margin)
@@ -284,6 +321,7 @@ class GuidedSearch:
             least_s=max(self.lower_bound_s, least_s),
             end_at=self._end_at,
             landed_by=landed_by,
+            made=made,
             onward=self._dense,
         )
 
@@ -304,23 +342,14 @@ class GuidedSearch:
 
         In this part of the network nothing arrives before `least_s`. A guide that leaves out more than it must `proves` nothing.
         """
-        part, guide, forward = _where_used(part, guide, forward)
         one = self._round(part, guide, forward, needed, until_s, stop_at, most_labels, least_s)
         one.run()
         self.labels_expanded += one.labels_expanded
         if one.best is not None and one.stop_labels.best_s < self.best_s:
             self.best_s = one.stop_labels.best_s
+            self.lower_bound_s = min(self.lower_bound_s, self.best_s)  # above it by rounding alone
             self._answer = one.stop_labels.trace(*one.best)
         if one.complete and (proves or (one.best is not None and one.stop_labels.best_s <= least_s + GAIN_S)):
             self._nothing_before(part, one.stop_labels.best_s)
         self.complete = self._answer is None or self.lower_bound_s >= self.best_s - GAIN_S
         return one.best is not None or not one.complete
-
-
-def _where_used(part: Subnetwork, guide: Guide, forward: Forward) -> tuple[Subnetwork, Guide, Forward]:
-    """Return the same over the nodes alone that a guide uses, where these are clearly fewer."""
-    used = guide.used.copy()
-    used[[part.origin, part.destination]] = True
-    if 4 * np.count_nonzero(used) >= 3 * len(used):
-        return part, guide, forward
-    return narrowed(part, used), *only_nodes(guide, forward, used)

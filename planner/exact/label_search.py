@@ -96,7 +96,7 @@ class Round:
 
     `guide` and `forward` are the relaxation's for this deadline; `needed` is that of
     `planner.exact.escape.needed_at_destination`. The search ends after `most` labels, or `enough` with an answer; at the time `end_at` of
-    `time.perf_counter`; at `stop_at` once there is an answer, or where it is `answered` already; and with an answer
+    `time.perf_counter`; when it has `made` so many labels; at `stop_at` once there is an answer, or where it is `answered` already; and with an answer
     that arrives at `least_s`, before which nothing arrives. `landed_by` is that of `run_backward`. A first
     answer is looked for `onward`, by nearness to the destination.
     """
@@ -115,6 +115,7 @@ class Round:
         least_s: float = -math.inf,
         end_at: float = math.inf,
         landed_by: int = -1,
+        made: float = math.inf,
         onward: bool = False,
     ) -> None:
         self.stop_labels = stop_labels
@@ -128,6 +129,7 @@ class Round:
         self.least_s = least_s
         self.end_at = end_at
         self.landed_by = landed_by
+        self.made = made
         self.complete = True
         """Whether the search came to its end."""
         self.labels_expanded = 0
@@ -142,6 +144,11 @@ class Round:
         self._onward = onward and not answered
         self._flights_bytes = 0
 
+    @property
+    def is_hard(self) -> bool:
+        """Whether it ended because it `made` so many labels."""
+        return not self.complete and self._count >= self.made
+
     def run(self, roots: Sequence[StopLabel] | None = None) -> None:
         """Search to the end, from the origin or from other stop labels."""
         for root in (self.stop_labels.origin(),) if roots is None else roots:
@@ -155,7 +162,7 @@ class Round:
                 return
             self._in_order()
             most = self.most if self.best is None else min(self.most, self.enough)
-            if self.labels_expanded >= most or self._late():
+            if self.labels_expanded >= most or self._count >= self.made or self._late():
                 self.complete = False
                 return
             # Until there is an answer the best continuation is followed at once.

@@ -25,6 +25,7 @@ import numpy as np
 from skyway.planner.exact.relaxation_backward_kernels import backward_pass
 from skyway.planner.exact.relaxation_grid_kernels import Cells, Waits, least_times
 from skyway.planner.exact.relaxation_kernels import Pass, forward_pass, in_time, needed_where
+from skyway.planner.exact.subnetwork import narrowed
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -56,6 +57,11 @@ class Forward:
     arrive_s: float
     least_s: NDArray[np.float64]
 
+    def over_nodes(self, keep: NDArray[np.bool_]) -> Forward:
+        """Return the same for some of the nodes, as in `planner.exact.subnetwork.narrowed`."""
+        over, leave = (np.compress(keep, rows, axis=1) for rows in (self.over, self.leave))
+        return Forward(self.cells, over, leave, self.arrive_s, self.least_s[keep])
+
 
 @dataclass(frozen=True, eq=False)
 class Guide:
@@ -80,6 +86,11 @@ class Guide:
     def over(self) -> NDArray[np.bool_]:
         """Where the drone can be over a node on such a way, shape (cells, nodes)."""
         return np.isfinite(self.need)
+
+    def over_nodes(self, keep: NDArray[np.bool_]) -> Guide:
+        """Return the same for some of the nodes, as in `planner.exact.subnetwork.narrowed`."""
+        leave, need = (np.compress(keep, rows, axis=1) for rows in (self.leave, self.need))
+        return Guide(self.cells, leave, need, self.window[keep])
 
 
 def longest_cell_s(subnetwork: Subnetwork, costs: Costs) -> float:
@@ -176,28 +187,68 @@ def run_backward(
     forward: Forward,
     needed: NDArray[np.float64],
     deadline_s: float,
-    within: NDArray[np.bool_] | None = None,
     landed_by: int = -1,
 ) -> Guide:
     """Find what is needed to arrive by a deadline, where the forward pass on the same grid has been.
 
-    By ways `within` cells and nodes alone, shape (cells, nodes), if they are given, on which no drone lands in time to leave again in the cell `landed_by`.
+    By ways on which no drone lands in time to leave again in the cell `landed_by`.
     """
-    table = subnetwork.table
-    cells = forward.cells
-    allowed = in_time(forward.over, cells, table.descent_s, costs, forward.least_s, deadline_s)
+    allowed = _in_time(subnetwork, costs, forward, deadline_s)
+    return _backward(subnetwork, costs, forward, needed, deadline_s, allowed, landed_by)
+
+
+def guided(
+    subnetwork: Subnetwork,
+    costs: Costs,
+    forward: Forward,
+    needed: NDArray[np.float64],
+    deadline_s: float,
+    within: NDArray[np.bool_] | None = None,
+    landed_by: int = -1,
+) -> tuple[Subnetwork, Guide, Forward]:
+    """Find the same, and narrow all to the nodes that such ways lead over, where these are clearly fewer; origin and destination stay.
+
+    By ways `within` cells and nodes alone, shape (cells, nodes), if they are given.
+    """
+    allowed = _in_time(subnetwork, costs, forward, deadline_s)
     if within is not None:
         allowed &= within
-    least_charge = needed_in(cells, table.descent_s, needed, deadline_s)
+    # Nodes that are reached too late everywhere are no part of the pass.
+    keep = _with_ends(subnetwork, np.asarray(allowed.any(axis=0)))
+    if 2 * np.count_nonzero(keep) <= len(keep):
+        subnetwork, forward, allowed = (
+            narrowed(subnetwork, keep),
+            forward.over_nodes(keep),
+            np.compress(keep, allowed, axis=1),
+        )
+    guide = _backward(subnetwork, costs, forward, needed, deadline_s, allowed, landed_by)
+    keep = _with_ends(subnetwork, guide.used)
+    if 4 * np.count_nonzero(keep) >= 3 * len(keep):
+        return subnetwork, guide, forward
+    return narrowed(subnetwork, keep), guide.over_nodes(keep), forward.over_nodes(keep)
+
+
+def _with_ends(subnetwork: Subnetwork, keep: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    keep = keep.copy()
+    keep[[subnetwork.origin, subnetwork.destination]] = True
+    return keep
+
+
+def _in_time(subnetwork: Subnetwork, costs: Costs, forward: Forward, deadline_s: float) -> NDArray[np.bool_]:
+    return in_time(forward.over, forward.cells, subnetwork.table.descent_s, costs, forward.least_s, deadline_s)
+
+
+def _backward(
+    subnetwork: Subnetwork,
+    costs: Costs,
+    forward: Forward,
+    needed: NDArray[np.float64],
+    deadline_s: float,
+    allowed: NDArray[np.bool_],
+    landed_by: int,
+) -> Guide:
+    cells = forward.cells
+    least_charge = needed_in(cells, subnetwork.table.descent_s, needed, deadline_s)
     over, leave = backward_pass(_pass(subnetwork, costs, cells, least_charge, allowed, 1, landed_by))
     need, window = needed_where(over, leave, forward.over, forward.leave)
     return Guide(cells, leave.copy(), need, window)
-
-
-def only_nodes(guide: Guide, forward: Forward, keep: NDArray[np.bool_]) -> tuple[Guide, Forward]:
-    """Return the same for some of the nodes, as in `planner.exact.subnetwork.narrowed`."""
-    leave, need, has_over, has_leave = (
-        np.compress(keep, rows, axis=1) for rows in (guide.leave, guide.need, forward.over, forward.leave)
-    )
-    narrow = Guide(guide.cells, leave, need, guide.window[keep])
-    return narrow, Forward(forward.cells, has_over, has_leave, forward.arrive_s, forward.least_s[keep])

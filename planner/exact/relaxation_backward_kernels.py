@@ -173,7 +173,16 @@ def backward_pass(one: Pass) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     any_opened = open_now.opened.any()
     onward, onward_rest = np.empty(nodes), np.empty(nodes)  # by flights that end in later cells
     landing, landing_rest = np.empty(nodes), np.empty(nodes)
+    # The first cell from each on in which anything is allowed: `ever` and `potential` are known of these cells alone.
+    live = np.full(cells.length + 1, cells.length)
     for i in range(cells.length - 1, -1, -1):
+        live[i] = i if allowed[i // ratio].any() else live[i + 1]
+    for i in range(cells.length - 1, -1, -1):
+        if live[i] > i:
+            soon[i], aloft[i] = over[i + 1], NEVER
+            if margin:
+                soon_rest[i], aloft_rest[i] = rest[i + 1], NEVER
+            continue
         x = cells.over_s + i * cells.step_s
         slot = table_slot(table, x)
         if slot != known:
@@ -189,7 +198,7 @@ def backward_pass(one: Pass) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         # A flight within the slot takes one time, whenever it enters, and ends in one of two cells.
         regular = min(inside, (cells.length - 1 - i) * cells.step_s)
         down_by = x + cells.step_s + table.descent_s
-        ever[i], potential[i] = ever[i + 1], potential[i + 1]
+        ever[i], potential[i] = ever[live[i + 1]], potential[live[i + 1]]
         for node in range(nodes):
             onward[node] = onward_rest[node] = landing[node] = landing_rest[node] = NEVER
             if not allowed[i // ratio, node]:
@@ -238,10 +247,10 @@ def backward_pass(one: Pass) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
                 elif has_pads[node] and ever[i, node] < NEVER:
                     # Or at a station, to leave it later as it is or, from a pad, charged.
                     down = NEVER
-                    cell = waits.spot_cell[i, node]
+                    cell = live[waits.spot_cell[i, node]]
                     if cell < cells.length:
                         down = ever[cell, node]
-                    cell = waits.pad_cell[i, node]
+                    cell = live[waits.pad_cell[i, node]]
                     if cell < cells.length and potential[cell, node] < NEVER:
                         down = min(down, charge_after(grounds, node, waits.pad_s[i, node] + potential[cell, node]))
                     hover = max(0.0, waits.spot_s[i, node] - down_by) + table.descent_s

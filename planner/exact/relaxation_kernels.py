@@ -140,16 +140,21 @@ def forward_pass(  # noqa: PLR0915  one loop: taking it apart costs more than th
     known = table_slot(table, cells.over_s)
     open_now = open_in(table, known, cells.step_s)
     inner = nearest_first(open_now, cells.step_s)
-    i = begin - 1
+    i, since = begin - 1, begin
     while i < last:
         i += 1
         x = cells.over_s + i * cells.step_s
         slot = table_slot(table, x)
         if slot != known:
-            known = slot
+            known, since = slot, i
             open_now = open_in(table, slot, cells.step_s)
             inner = nearest_first(open_now, cells.step_s)
         ends = table_slot_end(table, slot)
+        if open_now.first[nodes] == 0 and i > since + 2 and x + 1.5 * cells.step_s < ends:
+            # All is shut, and what flew has landed: drones only charge. How far is seen in the last cell of the slot.
+            for node in range(nodes):
+                h[node], z[node] = max(h[node], landed[i, node]), max(z[node], onto[i, node])
+            continue
         inside = regular_s(table, slot, x, cells.step_s)
         down_by = x + cells.step_s + table.descent_s
         for before in range(max(i - 1, 0), i + 1):

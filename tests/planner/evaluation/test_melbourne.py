@@ -128,7 +128,7 @@ def charging_s(soc_from: float, soc_to: float) -> float:
     return from_empty(soc_to) - from_empty(soc_from)
 
 
-def assert_each_leg_can_be_flown(composition, raw) -> None:
+def assert_each_leg_can_be_flown(composition, raw, *, may_hover: bool = False) -> None:
     for leg in composition.services:
         route = [
             (float(raw[name]["latitude"]), float(raw[name]["longitude"]))
@@ -141,7 +141,8 @@ def assert_each_leg_can_be_flown(composition, raw) -> None:
         assert leg.ground_speed_mps <= 20.0 + 1e-6
         assert leg.course_wind.speed_mps <= 12.0 + 1e-6
         cruise_s = leg.flight_time_s - 60.0 / 5.0 - 60.0 / 3.0
-        assert cruise_s == pytest.approx(leg.distance_m / leg.ground_speed_mps, rel=1e-3, abs=0.01)
+        hover_s = cruise_s - leg.distance_m / leg.ground_speed_mps
+        assert abs(hover_s) <= 1e-3 * cruise_s + 0.01 or (may_hover and hover_s > 0.0)
         assert leg.energy_j == pytest.approx(power_w(4.69 + PAYLOAD_KG) * leg.flight_time_s, rel=1e-4)
         assert leg.soc_depart - leg.soc_arrive == pytest.approx(leg.energy_j / BATTERY_J, abs=1e-4)
         assert leg.soc_depart <= 1.0
@@ -186,7 +187,8 @@ def assert_the_course_hangs_together(composition, scenario, origin, destination)
 def test_a_delivery_across_melbourne_can_be_flown_leg_by_leg(melbourne, raw, planner, origin, destination):
     request = Request(state=State(DEPART, origin), destination=destination, payload_kg=PAYLOAD_KG)
     composition = plan(melbourne, request, planner=planner).composition
-    assert_each_leg_can_be_flown(composition, raw)
+    # The shortest route is planned without a look at queues: it may have to wait over a full station.
+    assert_each_leg_can_be_flown(composition, raw, may_hover=planner == "shortest")
     assert_the_course_hangs_together(composition, melbourne, origin, destination)
 
 
