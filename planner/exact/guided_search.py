@@ -11,7 +11,7 @@ import numpy as np
 
 from skyway.models.base.errors import Fault, InputError
 from skyway.planner.exact.gates import last_gates
-from skyway.planner.exact.label_search import GAIN_S, Round
+from skyway.planner.exact.label_search import GAIN_S, Halved, Round
 from skyway.planner.exact.relaxation import Start, guided, run_forward
 from skyway.planner.exact.stop_labels import StopLabels, come_by_s, costs_of, landing_s, longest_s
 from skyway.planner.exact.subnetwork import Extent
@@ -226,31 +226,24 @@ class GuidedSearch:
         needed: NDArray[np.float64],
         between_s: tuple[float, float],
     ) -> float:
-        """Return the latest time before which nothing arrives, of two: what searches from gates on find. A gate that bounds no further is removed.
-
-        The stations from which a drone arrives by a deadline can be few, and by the next one hundreds. So a search from a gate that makes many labels,
-        for a deadline far beyond what is known, is done again for one half as far.
-        """
+        """Return the latest time before which nothing arrives, of two: what searches from gates on find. A gate that bounds no further is removed."""
         least, until = between_s
-        near_s = self.parameters.near_gate_cells * forward.cells.step_s
         for gate in tuple(gates):
-            hard_s = math.inf  # a deadline for which the search makes many labels
-            while least < until:
-                to_s = until
-                if hard_s < math.inf:
-                    to_s = hard_s if hard_s - least <= near_s else 0.5 * (least + hard_s)
-                made = self.parameters.gate_made if to_s - least > near_s else math.inf
-                found, again_s = self._bound_after(gate, part, forward, needed, to_s, made)
-                if again_s < math.inf and self._time_is_left:
-                    hard_s = min(again_s, to_s)
+            near_s = self.parameters.near_gate_cells * forward.cells.step_s
+            deadlines = Halved(least, until, near_s, self.parameters.gate_made)
+            while deadlines.least_s < until:
+                to_s = deadlines.next_s
+                found, one = self._bound_after(gate, part, forward, needed, to_s, deadlines.most_made)
+                if one.is_hard and self._time_is_left:
+                    deadlines.hard_s = min(one.stop_labels.best_s + 2.0 * GAIN_S, to_s)
                     continue
-                least = max(least, found)
+                deadlines.nothing_before(found, one.labels_made)
                 if self._proved():
-                    return least
+                    return deadlines.least_s
                 if found < to_s:
                     gates.remove(gate)
                     break
-                hard_s = hard_s if hard_s > to_s else math.inf
+            least = deadlines.least_s
         return least
 
     def _bound_after(
@@ -261,11 +254,11 @@ class GuidedSearch:
         needed: NDArray[np.float64],
         until_s: float,
         made: float,
-    ) -> tuple[float, float]:
-        """Return a time before which nothing arrives, up to `until_s`: what a search from a gate on finds.
+    ) -> tuple[float, Round]:
+        """Return a time before which nothing arrives, up to `until_s`, and the search from a gate on that finds it.
 
         Where there is a way to the station where its best delivery begins, with all that can be had there, that is the answer. The search ends
-        when it has `made` so many labels; by when the best delivery that it found arrives is returned, too, else inf.
+        when it has `made` so many labels.
         """
         come_by = self._come_by_s(until_s)
         small, guide, after = guided(part, self._costs, gate.forward, needed, come_by, landed_by=gate.landed_by)
@@ -278,12 +271,12 @@ class GuidedSearch:
         one.run(replace(gate, forward=after).roots(one.stop_labels, guide))
         self.labels_expanded += one.labels_expanded
         if not one.complete:
-            return self.lower_bound_s, one.stop_labels.best_s + 2.0 * GAIN_S if one.is_hard else math.inf
+            return self.lower_bound_s, one
         least = one.stop_labels.best_s
         known = self._known_s(part)
         self._nothing_before(part, least)
         if one.best is None or self._proved() or least <= known:
-            return least, math.inf
+            return least, one
         walks = [np.array(leg.segments) for leg in one.stop_labels.trace(*one.best)]
         network, segments = self.problem.network, np.concatenate(walks)
         over = np.searchsorted(part.nodes, np.unique((network.tail[segments], network.head[segments])))
@@ -291,7 +284,7 @@ class GuidedSearch:
         until_s = min(until_s, least + self.parameters.gate_late_s)
         narrow = guided(part, self._costs, forward, needed, self._come_by_s(until_s), within=mask)
         self._run(*narrow, needed, until_s, self._stop_at, self.parameters.gate_labels, least, proves=False)
-        return least, math.inf
+        return least, one
 
     def _round(
         self,

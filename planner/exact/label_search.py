@@ -91,6 +91,45 @@ class Settled:
         return True
 
 
+@dataclass
+class Halved:
+    """Deadlines of searches between a time before which nothing arrives and another.
+
+    The stations from which a drone arrives by a deadline can be few, and by the next one hundreds. So a search that makes many labels, for a
+    deadline far beyond what is known, is done again for one half as far.
+    """
+
+    least_s: float
+    """Nothing arrives before, POSIX seconds."""
+    until_s: float
+    near_s: float = math.inf
+    """A deadline no farther than that is not shortened."""
+    made: float = math.inf
+    """Many labels."""
+    hard_s: float = math.inf
+    """A deadline for which the search made many."""
+
+    @property
+    def next_s(self) -> float:
+        """The next deadline."""
+        if self.hard_s == math.inf:
+            return self.until_s
+        return self.hard_s if self.hard_s - self.least_s <= self.near_s else 0.5 * (self.least_s + self.hard_s)
+
+    @property
+    def most_made(self) -> float:
+        """Labels after which the search for it is given up."""
+        return self.made if self.next_s - self.least_s > self.near_s else math.inf
+
+    def nothing_before(self, time_s: float, made: int) -> None:
+        """Take note that nothing arrives before a time, which took so many labels. Where these are many, a nearer deadline takes no fewer."""
+        self.least_s = max(self.least_s, time_s)
+        if made > self.made:
+            self.near_s = math.inf
+        if self.hard_s <= self.least_s:
+            self.hard_s = math.inf
+
+
 class Round:
     """The search for the best composition that arrives by a deadline, the `best_s` of `stop_labels`.
 
@@ -134,20 +173,21 @@ class Round:
         """Whether the search came to its end."""
         self.labels_expanded = 0
         """Labels continued."""
+        self.labels_made = 0
+        """Labels that were to be continued."""
         self.best: tuple[list[StopLabel], float] | None = None
         """Stays and last take-off of the best composition found, which arrives at ``stop_labels.best_s``."""
         nodes = len(stop_labels.subnetwork.nodes)
         self._settled = Settled(nodes)
         self._flights: dict[int, tuple[NDArray[np.int64], NDArray[np.float64]]] = {}
         self._heap: list[tuple[float, int, Label]] = []
-        self._count = 0
         self._onward = onward and not answered
         self._flights_bytes = 0
 
     @property
     def is_hard(self) -> bool:
         """Whether it ended because it `made` so many labels."""
-        return not self.complete and self._count >= self.made
+        return not self.complete and self.labels_made >= self.made
 
     def run(self, roots: Sequence[StopLabel] | None = None) -> None:
         """Search to the end, from the origin or from other stop labels."""
@@ -162,7 +202,7 @@ class Round:
                 return
             self._in_order()
             most = self.most if self.best is None else min(self.most, self.enough)
-            if self.labels_expanded >= most or self._count >= self.made or self._late():
+            if self.labels_expanded >= most or self.labels_made >= self.made or self._late():
                 self.complete = False
                 return
             # Until there is an answer the best continuation is followed at once.
@@ -271,8 +311,8 @@ class Round:
         return best
 
     def _push(self, label: Label) -> None:
-        self._count += 1
-        heapq.heappush(self._heap, (-self._rank(label), self._count, label))
+        self.labels_made += 1
+        heapq.heappush(self._heap, (-self._rank(label), self.labels_made, label))
 
     def _rank(self, label: Label) -> float:
         """How soon a label is to be continued, s: by what it has to spare and, for a first answer, by how near it is to the destination."""
