@@ -65,7 +65,8 @@ def solve(
         same = problem.thinned(
             problem.parameters.robust.members
         )  # the members in which the figures of `robust` are counted
-        runs = simulate_fixed(same, itinerary, problem.usual_errors, problem.parameters.robust.final_runs)
+        count = problem.parameters.robust.final_runs_of(len(problem.network))
+        runs = simulate_fixed(same, itinerary, problem.usual_errors, count)
         if not np.isfinite(runs.schedule[:, -1, TOUCH_DOWN]).any():
             raise never_leaves(problem, itinerary, grounded_leg(runs.schedule))
         typical = typical_fixed(same, itinerary, runs)

@@ -202,7 +202,8 @@ class RobustSearch:
         A `NoRouteError`: calibrated, it never arrives, or its typical schedule runs out of charge.
         """
         policy = candidates[0].policy
-        runs = self.parameters.hurried_runs if self._late() else self.parameters.final_runs
+        runs = self.parameters.final_runs_of(len(self.problem.network))
+        runs = min(runs, self.parameters.hurried_runs) if self._late() else runs
         out_of_sample = policy.simulate(self.errors, runs, before=candidates[0].out_of_sample, sample_set=PROMISING)
         policy, out_of_sample = self._leaving(policy, out_of_sample, runs)
         chosen_in = [one for one in (candidates[0].out_of_sample,) if len(one.weight) > 2 * self.parameters.screen_runs]
