@@ -85,7 +85,7 @@ def read_observed(
     if typed is not None and not os.path.isfile(given):  # noqa: PTH113  it takes any text
         return Observations((_typed(typed, given, sites, measured_at_m, depart_s, field),))
     path = Path(given)
-    if not path.suffix and "@" in given:
+    if not path.suffix and ("@" in given or "=" in given):
         remedy = "write SITE=SPEED@FROM, m/s@degrees FROM, such as EWR=8@270, or name a file"
         raise InputError("not an observed wind", field=field, value=given, remedy=remedy)
     text = read_text(path, max_bytes=MAX_BYTES)

@@ -60,6 +60,7 @@ def test_a_variable_wind_is_as_unsure_as_it_is_strong():
         ("EWR=8@270@14:00", "not an ISO 8601 time"),
         ("EWR=nan@270", "not a wind speed"),
         ("8@270", "not an observed wind"),
+        ("EWR=8", "not an observed wind"),
         ("nowhere.txt", "nowhere.txt: no such file"),
         ("EWR=8@" + "2" * 5000, "not a direction"),
         ("E" * 5000, "cannot be read"),
