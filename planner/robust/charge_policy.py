@@ -33,7 +33,7 @@ from skyway.planner.robust.way_on import fly_on, kept_for_way_on
 from skyway.planner.schedule.gust_kernels import Disturbance, no_disturbance
 from skyway.planner.schedule.itinerary import held_in_the_air, legs_of, place_nodes
 from skyway.planner.schedule.no_route import grounded_leg, never_leaves
-from skyway.planner.schedule.schedule_kernels import SOC_LANDING, SOC_TAKE_OFF, TOUCH_DOWN, Queues
+from skyway.planner.schedule.schedule_kernels import COLUMNS, SOC_LANDING, SOC_TAKE_OFF, TOUCH_DOWN, Queues
 from skyway.planner.schedule.typical import typical_schedule
 
 if TYPE_CHECKING:
@@ -237,18 +237,18 @@ class ChargePolicy:
         are sampled for all of the horizon, and it is flown again.
         """
         p, nodes, sets = self.problem, place_nodes(self.problem, self.itinerary), len(until_s)
-        paths = p.many_queues(nodes, sample_set, sets, until_s)
-        schedule, energy_ratio = self.fly(p, disturbance, members, paths, share=share, tables=tables)
-        read_s = np.maximum(schedule[:, :, TOUCH_DOWN].max(axis=1), reads_until_s(schedule, members))
-        late = np.flatnonzero(read_s > p.sampled_until(nodes, sample_set, sets)[disturbance.queue])
-        if len(late):
-            until_s = until_s.copy()
-            until_s[disturbance.queue[late]] = math.inf
+        schedule, energy_ratio = np.empty((len(members), len(self), COLUMNS)), np.empty((len(members), len(self)))
+        late = np.arange(len(members))
+        while len(late):
             paths = p.many_queues(nodes, sample_set, sets, until_s)
-            again = disturbance._replace(
+            some = disturbance._replace(
                 queue=disturbance.queue[late], energy=disturbance.energy[late], gust_key=disturbance.gust_key[late]
             )
-            schedule[late], energy_ratio[late] = self.fly(p, again, members[late], paths, share=share, tables=tables)
+            schedule[late], energy_ratio[late] = self.fly(p, some, members[late], paths, share=share, tables=tables)
+            read_s = np.maximum(schedule[:, :, TOUCH_DOWN].max(axis=1), reads_until_s(schedule, members))
+            late = np.flatnonzero(read_s > p.sampled_until(nodes, sample_set, sets)[disturbance.queue])
+            until_s = until_s.copy()
+            until_s[disturbance.queue[late]] = math.inf
         return schedule, energy_ratio, paths
 
     def _likely_ends_s(self, truths: SampledTruths, before: OutOfSample) -> NDArray[np.float64]:
@@ -277,9 +277,8 @@ class ChargePolicy:
         def fly(members: NDArray[np.int64], queues: NDArray[np.int64]) -> NDArray[np.float64]:
             disturbance = no_disturbance(len(members))._replace(queue=queues)
             until_s = np.full(before.sets, -math.inf)  # as far as they were sampled for `before`
-            return self._fly_to_their_ends(disturbance, members, PROMISING, until_s, share=share, tables=before.tables)[
-                0
-            ]
+            found = self._fly_to_their_ends(disturbance, members, PROMISING, until_s, share=share, tables=before.tables)
+            return found[0]
 
         return typical_schedule(before, p.reserve, fly, p.parameters.schedule)
 
