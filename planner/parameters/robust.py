@@ -67,7 +67,7 @@ class RobustParameters(Parameters):
         2, "additional routes that would be better but break the reserve before calibration", 0, 100
     )
     final_runs: int = parameter(
-        3000, "simulated deliveries behind the figures of the answer", 10, 10**6,
+        2400, "simulated deliveries behind the figures of the answer", 10, 10**6,
         measured="the means of two seeds are within 2 % in 92 % of the pairs; with 1,500 in 87 % (decision 111)",
     )  # fmt: skip
     final_runs_large: int = parameter(1500, "the same on large networks", 10, 10**6)
