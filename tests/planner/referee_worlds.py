@@ -72,6 +72,9 @@ def instance(seed, slot_min, kind, *, stations=None):
     if not scenario.network.stations[-1].pads:
         there = np.random.default_rng((seed, slot_min, 93))
         dwell_s = float(there.choice([0.0, 240.0, 2_000.0]))
-        request = replace(request, dwell_s=dwell_s, undelivered_to="back" if there.random() < 0.4 else None)
+        in_air = request.state.station is None  # where it began, it does not tell
+        request = replace(
+            request, dwell_s=dwell_s, undelivered_to="back" if there.random() < 0.4 and not in_air else None
+        )
     problem = Problem(scenario, request, drone, wind)
     return problem, problem.queue_paths(range(len(problem.network)), 0)

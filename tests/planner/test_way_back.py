@@ -188,6 +188,16 @@ def test_what_cannot_be_asked_for_is_refused():
             plan(scenario, ask("b", **changes), planner="exact", forecast=calm(scenario))
 
 
+@pytest.mark.parametrize("asked", [{"return_to": "home"}, {"undelivered_to": "back"}])
+def test_a_drone_in_the_air_does_not_tell_where_it_began(asked):
+    scenario = line(0.0, 9.0, 15.0, target="b")
+    a = scenario.network.stations[0]
+    request = replace(ask("b", **asked), state=State(ask("b").state.time, None, (a.lat, a.lon + 0.01), 0.9))
+    with pytest.raises(InputError, match=f"{next(iter(asked))}: is unknown: the drone is in the air") as caught:
+        plan(scenario, request, planner="exact", forecast=calm(scenario))
+    assert "name of a station" in str(caught.value)
+
+
 def test_a_plan_with_a_way_back_survives_its_file():
     scenario = line(0.0, 9.0, 15.0, target="b")
     c = plan(scenario, ask("b", undelivered_to="c"), planner="exact", forecast=calm(scenario)).composition
