@@ -13,7 +13,7 @@ from dataclasses import replace
 from datetime import timedelta
 from typing import TYPE_CHECKING
 
-from skyway.models.base.errors import Fault, InfeasibleError, InputError, NoRouteError
+from skyway.models.base.errors import InfeasibleError, NoRouteError
 from skyway.models.base.formatting import share
 from skyway.models.composition.composition import Composition, State, WayBack
 from skyway.planner.lookahead.lookahead import Lookahead
@@ -82,11 +82,6 @@ def with_way_back(result: PlanResult, compose: Compose) -> PlanResult:
     stations = problem.network.stations
     back = undelivered = None
     node, carried = return_node(problem), undelivered_node(problem)
-    if request.state.position is not None:
-        for field, end in (("return_to", node), ("undelivered_to", carried)):
-            if end == problem.origin:
-                asked, remedy = getattr(request, field), "the name of a station"
-                raise InputError(Fault("is unknown: the drone is in the air", field=field, value=asked, remedy=remedy))
     stays = node == problem.destination or (node is None and not problem.needs_escape) or not request.escape
     if not stays:
         ends = [stations[node].id] if node is not None else _nearest_pads(result)

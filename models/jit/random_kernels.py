@@ -28,16 +28,22 @@ def mixed(z: np.uint64) -> np.uint64:
 
 
 @compiled_lean
+def _number(key: np.uint64, counter: int) -> np.uint64:
+    """Return the 64 bits of a key and a counter."""
+    return mixed(key + np.uint64(counter) * GOLDEN)
+
+
+@compiled_lean
 def exponential(key: np.uint64, counter: int) -> float:
     """Return a standard exponential deviate: -ln U, U uniform in (0, 1), 53 bits."""
-    bits = mixed(key + np.uint64(counter) * GOLDEN) >> _S11
+    bits = _number(key, counter) >> _S11
     return -math.log((np.float64(bits) + 0.5) / 9007199254740992.0)
 
 
 @compiled_lean
 def normals(key: np.uint64, counter: int) -> tuple[float, float]:
     """Return two independent standard normal deviates, from the two halves of one number: within 6.4 of 0."""
-    bits = mixed(key + np.uint64(counter) * GOLDEN)
+    bits = _number(key, counter)
     return _quantile((np.float64(bits >> _S32) + 0.5) / 4294967296.0), _quantile(
         (np.float64(bits & _LOW) + 0.5) / 4294967296.0
     )

@@ -357,7 +357,7 @@ class Problem:
         ones. Times after `until_s`, of all or of each, shape (count,), may be missing: those after `sampled_until`.
         """
         kept, end_s = self._kept_queues(stream, count), self.depart_s + HORIZON_H * S_PER_H
-        wanted = np.broadcast_to(np.minimum(until_s, end_s), count)
+        wanted = np.broadcast_to(np.where(np.less(until_s, end_s), until_s, math.inf), count)
         for node in nodes:
             known, before = kept.get(node, (np.full(count, -math.inf), None))
             lacking = known < wanted
@@ -369,11 +369,10 @@ class Problem:
 
     def sampled_until(self, nodes: Sequence[int], stream: int, count: int) -> NDArray[np.float64]:
         """Until when `many_queues` has sampled each realization at all of some places, POSIX seconds, shape (count,); infinite for all of the horizon."""
-        kept, end_s = self._kept_queues(stream, count), self.depart_s + HORIZON_H * S_PER_H
+        kept = self._kept_queues(stream, count)
         if any(node not in kept for node in nodes):
             return np.full(count, -math.inf)
-        known = np.min([kept[node][0] for node in nodes], axis=0)
-        return np.where(known >= end_s, math.inf, known)
+        return np.asarray(np.min([kept[node][0] for node in nodes], axis=0))
 
     def _sampled_at(self, node: int, seed: tuple[int, int], count: int, until_s: NDArray[np.float64]) -> PackedPaths:
         pads, spots = int(self.network.pads[node]), int(self._spots[node])

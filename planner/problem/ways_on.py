@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 def return_node(problem: Problem) -> int | None:
     """Node where the drone is to be after the delivery; None where any pad will do, or it stays.
 
-    Raises an `InputError` if there is no such station, if it cannot charge there, or if it cannot stay.
+    Raises an `InputError` if there is no such station, if it cannot charge there, if it cannot stay, or if where it began is unknown.
     """
     asked = problem.request.return_to
     if asked == NO_RETURN and problem.needs_escape:
@@ -41,15 +41,26 @@ def return_node(problem: Problem) -> int | None:
         )
     if asked in (NO_RETURN, NEAREST_PAD):
         return None
-    return problem.origin if asked == HOME else _station(problem, asked, "return_to")
+    return _origin(problem, asked, "return_to") if asked == HOME else _station(problem, asked, "return_to")
 
 
 def undelivered_node(problem: Problem) -> int | None:
-    """Node that receives a package that could not be delivered; None where none was requested."""
+    """Node that receives a package that could not be delivered; None where none was requested.
+
+    Raises an `InputError` as `return_node` does.
+    """
     asked = problem.request.undelivered_to
     if asked is None:
         return None
-    return problem.origin if asked == BACK else _station(problem, asked, "undelivered_to")
+    return _origin(problem, asked, "undelivered_to") if asked == BACK else _station(problem, asked, "undelivered_to")
+
+
+def _origin(problem: Problem, name: str, field: str) -> int:
+    """Node where the delivery began; a request that begins in the air does not tell."""
+    if problem.request.state.position is not None:
+        remedy = "the name of a station"
+        raise InputError(Fault("is unknown: the drone is in the air", field=field, value=name, remedy=remedy))
+    return problem.origin
 
 
 def _station(problem: Problem, name: str, field: str) -> int:

@@ -44,11 +44,11 @@ class Calibrated(NamedTuple):
 
 
 def calibrated(
-    problem: Problem, nodes: Sequence[int], truths: SampledTruths, paths: PackedPaths, schedule: NDArray[np.float64]
+    problem: Problem, nodes: Sequence[int], truths: SampledTruths, paths: PackedPaths, usual_s: NDArray[np.float64]
 ) -> Calibrated:
-    """Calibrate the weights of deliveries over some places, flown in some realizations with this schedule, shape (runs, legs, 7).
+    """Calibrate the weights of deliveries over some places, flown in some realizations.
 
-    `paths` are those of the realizations, in order (place, set); see `reads_until_s`.
+    `paths` are those of the realizations, in order (place, set); they are read at `usual_s`, see `usual_arrivals_s`.
     """
     weight = problem.probability[truths.members]
     weight = weight / weight.sum()
@@ -59,7 +59,7 @@ def calibrated(
     for place, node in enumerate(nodes):
         if not _is_known(problem, node):
             continue
-        come_s = np.full(runs, problem.depart_s) if place == 0 else _usual(schedule[:, place - 1, TOUCH_DOWN], member)
+        come_s = np.full(runs, problem.depart_s) if place == 0 else usual_s[:, place - 1]
         there = np.isfinite(come_s)
         found = np.zeros(runs)
         if not there.any():
@@ -81,10 +81,9 @@ def calibrated(
     return Calibrated(weight * share / _sums(weight, member)[member], z)
 
 
-def reads_until_s(schedule: NDArray[np.float64], member: NDArray[np.int64]) -> NDArray[np.float64]:
-    """Until when `calibrated` reads the queues of each run, POSIX seconds, shape (runs,); -inf for a member none of whose runs lands anywhere."""
-    usual = np.column_stack([_usual(schedule[:, leg, TOUCH_DOWN], member) for leg in range(schedule.shape[1])])
-    return np.asarray(usual.max(axis=1, where=np.isfinite(usual), initial=-np.inf))
+def usual_arrivals_s(schedule: NDArray[np.float64], member: NDArray[np.int64]) -> NDArray[np.float64]:
+    """Return the median touch-down of each leg in the member of each run, of the runs that land, POSIX seconds, shape (runs, legs); infinite if none does."""
+    return np.column_stack([_usual(schedule[:, leg, TOUCH_DOWN], member) for leg in range(schedule.shape[1])])
 
 
 def _is_known(problem: Problem, node: int) -> bool:

@@ -15,7 +15,7 @@ import numpy as np
 from skyway.models.base.errors import Fault, InputError
 from skyway.models.wind.estimation.field import ResidualModel
 from skyway.planner.problem.kernel_inputs import check_runs, check_shape
-from skyway.planner.robust.calibration import calibrated, reads_until_s
+from skyway.planner.robust.calibration import calibrated, usual_arrivals_s
 from skyway.planner.robust.charge_kernels import fly_by_required_soc
 from skyway.planner.robust.free_capacity import room_at
 from skyway.planner.robust.free_capacity_kernels import Present
@@ -191,10 +191,10 @@ class ChargePolicy:
         found = simulated_realizations(p, self.itinerary, errors, runs, max_realizations, sample_set)
         members, disturbance = found.members, found.disturbance
         until_s = np.full(found.sets, math.inf) if before is None else self._likely_ends_s(found, before)
-        schedule, energy_ratio, paths = self._fly_to_their_ends(
+        schedule, energy_ratio, paths, usual_s = self._fly_to_their_ends(
             disturbance, members, sample_set, until_s, share=share, tables=tables
         )
-        weight, control = calibrated(p, place_nodes(p, self.itinerary), found, paths, schedule)
+        weight, control = calibrated(p, place_nodes(p, self.itinerary), found, paths, usual_s)
         simulated = OutOfSample(
             schedule, weight, members, disturbance.queue, energy_ratio, found.usual_ratio,
             np.ascontiguousarray(disturbance.energy[:, : len(self)]), errors.energy_of(p.drone), tables, control,
@@ -230,9 +230,10 @@ class ChargePolicy:
         *,
         share: NDArray[np.float64],
         tables: NDArray[np.float64],
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64], PackedPaths]:
-        """Fly it in the winds of the forecast, through queues that are sampled for as long as each delivery takes: (schedule, energy_ratio, paths).
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64], PackedPaths, NDArray[np.float64]]:
+        """Fly it in the winds of the forecast, through queues that are sampled for as long as each delivery takes.
 
+        Returns schedule and energy ratio, the queues, and the usual arrivals (`usual_arrivals_s`), for which the queues are sampled, too.
         Queues, a set for each of `until_s`, are sampled until then, or as long as they already were; those in which a delivery takes longer
         are sampled for all of the horizon, and it is flown again.
         """
@@ -245,11 +246,13 @@ class ChargePolicy:
                 queue=disturbance.queue[late], energy=disturbance.energy[late], gust_key=disturbance.gust_key[late]
             )
             schedule[late], energy_ratio[late] = self.fly(p, some, members[late], paths, share=share, tables=tables)
-            read_s = np.maximum(schedule[:, :, TOUCH_DOWN].max(axis=1), reads_until_s(schedule, members))
+            usual_s = usual_arrivals_s(schedule, members)
+            read_s = usual_s.max(axis=1, where=np.isfinite(usual_s), initial=-math.inf)
+            read_s = np.maximum(schedule[:, :, TOUCH_DOWN].max(axis=1), read_s)
             late = np.flatnonzero(read_s > p.sampled_until(nodes, sample_set, sets)[disturbance.queue])
             until_s = until_s.copy()
             until_s[disturbance.queue[late]] = math.inf
-        return schedule, energy_ratio, paths
+        return schedule, energy_ratio, paths, usual_s
 
     def _likely_ends_s(self, truths: SampledTruths, before: OutOfSample) -> NDArray[np.float64]:
         """Until when the deliveries in each set of queues will hardly fly, by those before in the same winds, POSIX seconds, shape (sets,).

@@ -40,11 +40,6 @@ class Runs:
         """Number of sets of queues."""
         return int(self.queue.max()) + 1
 
-    @property
-    def ends_s(self) -> float:
-        """When the last of them has landed, POSIX seconds; infinite if one never does."""
-        return float(self.schedule[:, :, TOUCH_DOWN].max())
-
 
 class Typical(NamedTuple):
     """The typical schedule."""

@@ -1,7 +1,6 @@
 """One realisation of the other drones: a brute-force simulation with our drone in it gives the same times."""
 
 import heapq
-import itertools
 import math
 from collections import deque
 
@@ -16,6 +15,7 @@ from skyway.models.queues.paths import QueuePath, expected_paths, joined, no_que
 from skyway.models.queues.sampling import sample_many, sample_path, sample_sets, sampled_waits
 from skyway.models.queues.sampling_kernels import lived, lived_sets
 from skyway.models.queues.waiting_times import STEP_S, forecast_waits
+from tests.plain_deviates import plain_exponentials
 
 NEW_YORK = "America/New_York"
 HOUR = 3600.0
@@ -66,7 +66,7 @@ def brute_force(pads: int, spots: int, others: list[tuple[float, float]], ours_s
 
 def replayed(path_seed: int, pads: int, utilisation: float, hours: float) -> list[tuple[float, float]]:
     """(arrival, charging time) of the others, from the same stream of random numbers at constant rates."""
-    deviates = exponentials(int(np.random.default_rng(path_seed).integers(0, 2**64, dtype=np.uint64)))
+    deviates = plain_exponentials(int(np.random.default_rng(path_seed).integers(0, 2**64, dtype=np.uint64)))
     now, others = 0.0, []
     while True:
         now += next(deviates) * HOUR / (utilisation * pads)
@@ -197,21 +197,9 @@ def test_spliced_paths_are_those_that_were_chosen():
             assert np.array_equal(getattr(one, name), getattr(expected, name))
 
 
-MASK = 2**64 - 1
-
-
-def exponentials(key):
-    """Standard exponential deviates of a key: SplitMix64 of a counter, in whole numbers of Python."""
-    for counter in itertools.count():
-        z = (key + counter * 0x9E3779B97F4A7C15) & MASK
-        z = ((z ^ (z >> 30)) * 0xBF58476D1CE4E5B9) & MASK
-        z = ((z ^ (z >> 27)) * 0x94D049BB133111EB) & MASK
-        yield -math.log((((z ^ (z >> 31)) >> 11) + 0.5) / 2.0**53)
-
-
 def served_one_by_one(key, present, pads=3, spots=2, start_s=8 * HOUR, end_s=18 * HOUR):
     """Three arrivals an hour, an hour on a pad on average: who came, when a pad and a place would be free for ours, who was there, who left."""
-    deviates = exponentials(key)
+    deviates = plain_exponentials(key)
     free = [-math.inf] * pads
     for pad in range(min(present, pads)):
         free[pad] = start_s + HOUR * next(deviates)

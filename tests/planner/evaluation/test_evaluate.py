@@ -4,7 +4,6 @@ import json
 import math
 from dataclasses import replace
 from datetime import UTC, date, datetime, timedelta
-from statistics import NormalDist
 
 import numpy as np
 import pytest
@@ -38,10 +37,9 @@ from skyway.planner.schedule.gust_kernels import GUST_STEP_S, LATERAL, MAX_DEVIA
 from skyway.planner.schedule.itinerary import fly_true
 from skyway.planner.schedule.outcome import Outcome
 from skyway.planner.schedule.schedule_kernels import SOC_LANDING, TOUCH_DOWN
+from tests.plain_deviates import plain_normals
 
 DEPART = datetime(2013, 7, 10, 18, tzinfo=UTC)
-MASK = 2**64 - 1
-GOLDEN = 0x9E3779B97F4A7C15
 
 
 @pytest.fixture(scope="module")
@@ -67,23 +65,12 @@ def realizations(newyork, request_, days):
 # -- a plain reimplementation: no kernel, Python floats and loops -------------------------------------------------------
 
 
-def mixed(z):
-    z = ((z ^ (z >> 30)) * 0xBF58476D1CE4E5B9) & MASK
-    z = ((z ^ (z >> 27)) * 0x94D049BB133111EB) & MASK
-    return z ^ (z >> 31)
-
-
-def normals(key, step):
-    bits = mixed((key + step * GOLDEN) & MASK)
-    return [NormalDist().inv_cdf((half + 0.5) / 2.0**32) for half in (bits >> 32, bits & 0xFFFFFFFF)]
-
-
 def plain_gust(key, begin, step, phi):
     """Gust of a step in a flight whose cruise begins in the step `begin`."""
     first = begin - math.ceil(-7.0 / math.log(phi))
-    along, across = normals(key, first)
+    along, across = plain_normals(key, first)
     for k in range(first + 1, step + 1):
-        one, other = normals(key, k)
+        one, other = plain_normals(key, k)
         along = phi * along + math.sqrt(1.0 - phi**2) * one
         across = phi * across + math.sqrt(1.0 - phi**2) * other
     return along, across
