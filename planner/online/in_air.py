@@ -82,7 +82,7 @@ class FlightDecision:
         seen = self._policy.hindsight(info)
         p = seen.problem
         rest = segments_of(p.network, [info.station or "", *info.via, info.destination])
-        if rest and seen.likely_free_at[p.network.head[rest[-1]]] and seen.need(rest, p.depart_s) <= p.soc:
+        if rest and seen.likely_free_at[p.network.head[rest[-1]]] and seen.need(rest, p.depart_s) <= p.soc + 1e-9:
             return Decision("continue", f"on to {info.destination}", segments=rest)
         step = seen.choose()
         if not step.segments:
