@@ -220,4 +220,5 @@ class ExactSearch(GuidedSearch):
         Tells whether there is one, or none.
         """
         most = math.inf if last or part.whole else self.parameters.first_labels
-        return self._run(part, guide, forward, needed, deadline_s, 0.0, most) and (last or self._answer is not None)
+        one = self._run(part, guide, forward, needed, deadline_s, 0.0, most)
+        return one.has_ended and (last or self._answer is not None)

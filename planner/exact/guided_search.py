@@ -11,7 +11,7 @@ import numpy as np
 
 from skyway.models.base.errors import Fault, InputError
 from skyway.planner.exact.gates import last_gates
-from skyway.planner.exact.label_search import GAIN_S, Halved, Round
+from skyway.planner.exact.label_search import GAIN_S, Round
 from skyway.planner.exact.relaxation import Start, guided, run_forward
 from skyway.planner.exact.stop_labels import StopLabels, come_by_s, costs_of, landing_s, longest_s
 from skyway.planner.exact.subnetwork import Extent
@@ -30,6 +30,10 @@ if TYPE_CHECKING:
     from skyway.planner.problem.problem import Problem
     from skyway.planner.problem.speeds import Speeds
     from skyway.planner.schedule.itinerary import Itinerary
+
+
+_LEAST_CELL_S = 2.0
+"""No cells are shorter."""
 
 
 class GuidedSearch:
@@ -170,17 +174,37 @@ class GuidedSearch:
 
         They are beyond the lower bound by shares of it, in dense networks by so many cells.
         """
-        start, coarse = self._start(), guide.cells
-        near = self._bounded is not None or not part.whole
-        steps = self.parameters.near_cells if near else self.parameters.refinements
-        most = self.parameters.near_states if near else self.parameters.max_states
-        span = deadline_s - start.time_s
+        span = deadline_s - self._start().time_s
         fine_s = max(
             min(self.parameters.fine_s, span / self.parameters.min_fine_cells),
-            span / min(self.parameters.max_fine_cells, max(most / len(part.nodes), 1.0)),
-            2.0,
+            span / min(self.parameters.max_fine_cells, max(self._most_states(part) / len(part.nodes), 1.0)),
+            _LEAST_CELL_S,
         )
-        ratio = max(int(coarse.step_s / fine_s), 1)
+        self._search_finer(part, guide, needed, deadline_s, max(int(guide.cells.step_s / fine_s), 1), at_once=at_once)
+
+    def _in_cells(self, part: Subnetwork) -> bool:
+        """Whether deadlines in a part of the network are so many cells beyond the lower bound."""
+        return self._bounded is not None or not part.whole
+
+    def _most_states(self, part: Subnetwork) -> int:
+        return self.parameters.near_states if self._in_cells(part) else self.parameters.max_states
+
+    def _search_finer(
+        self,
+        part: Subnetwork,
+        guide: Guide,
+        needed: NDArray[np.float64],
+        deadline_s: float,
+        ratio: int,
+        *,
+        at_once: bool = False,
+    ) -> None:
+        """Search up to a deadline where a guide for it leaves anything to be found, with so many cells in each of its cells.
+
+        In dense networks a search that makes many labels is given up, and done again with still finer cells: the bounds of a grid are loose by
+        so many of its cells, and what is on time by these has to be searched.
+        """
+        start, coarse = self._start(), guide.cells
         cells = coarse._replace(step_s=coarse.step_s / ratio, length=coarse.length * ratio)
         mask = guide.over
         mask[0, part.origin] = True
@@ -199,20 +223,34 @@ class GuidedSearch:
         if self._proved():
             return
         least = max(least, self._known_s(part))
+        near, states = self._in_cells(part), len(part.nodes) * cells.length
         gated = near or (self._dense and self._most_labels == math.inf)
         gates = last_gates(part, forward, least, longest_s(self.problem), in_flight=start.at_once) if gated else []
+        finest = not gated or states > self._most_states(part) or cells.step_s < 2.0 * _LEAST_CELL_S
+        made = math.inf if finest else self.parameters.many_labels
+        steps = self.parameters.near_cells if near else self.parameters.refinements
         for beyond in steps[-1:] if at_once else steps:
             until = min(
                 least + (beyond * cells.step_s if near else beyond * (least - start.time_s) + 2.0 * cells.step_s),
                 deadline_s,
             )
-            least = self._bound_by(gates, part, forward, needed, (least, until))
+            least, hard = self._bound_by(gates, part, forward, needed, (least, until), made)
             if self._proved() or (not part.whole and self._answer is not None and self.best_s <= least + GAIN_S):
                 return
             until = min(until, self._better_s)
             if least < until:
                 narrow = guided(part, self._costs, forward, needed, self._come_by_s(until))
-                if self._run(*narrow, needed, until, self._stop_at, least_s=least):
+                if not hard:
+                    one = self._run(*narrow, needed, until, self._stop_at, least_s=least, made=made)
+                    hard = one.is_hard
+                    if one.has_ended and not hard:
+                        return
+                if hard and (self._answer is None or self._time_is_left):
+                    inner, narrow_guide, _ = narrow
+                    most = self._most_states(part) // (len(inner.nodes) * cells.length)
+                    finer = min(max(most, 2), self.parameters.finer)
+                    self._search_finer(inner, narrow_guide, needed, min(until, self._better_s), finer)
+                if hard and self._answer is not None and (self.best_s <= until or not self._time_is_left):
                     return
             if until >= min(deadline_s, self._better_s) or self._given_up:
                 return
@@ -225,26 +263,22 @@ class GuidedSearch:
         forward: Forward,
         needed: NDArray[np.float64],
         between_s: tuple[float, float],
-    ) -> float:
-        """Return the latest time before which nothing arrives, of two: what searches from gates on find. A gate that bounds no further is removed."""
+        made: float,
+    ) -> tuple[float, bool]:
+        """Return the latest time before which nothing arrives, of two: what searches from gates on find; and whether one made too many labels.
+
+        A gate that bounds no further is removed.
+        """
         least, until = between_s
         for gate in tuple(gates):
-            near_s = self.parameters.near_gate_cells * forward.cells.step_s
-            deadlines = Halved(least, until, near_s, self.parameters.gate_made)
-            while deadlines.least_s < until:
-                to_s = deadlines.next_s
-                found, one = self._bound_after(gate, part, forward, needed, to_s, deadlines.most_made)
-                if one.is_hard and self._time_is_left:
-                    deadlines.hard_s = min(one.stop_labels.best_s + 2.0 * GAIN_S, to_s)
-                    continue
-                deadlines.nothing_before(found, one.labels_made)
-                if self._proved():
-                    return deadlines.least_s
-                if found < to_s:
-                    gates.remove(gate)
-                    break
-            least = deadlines.least_s
-        return least
+            found, one = self._bound_after(gate, part, forward, needed, until, made)
+            if one.is_hard:
+                return least, True
+            least = max(least, found)
+            if self._proved() or least >= until:
+                break
+            gates.remove(gate)
+        return least, False
 
     def _bound_after(
         self,
@@ -329,13 +363,14 @@ class GuidedSearch:
         most_labels: float = math.inf,
         least_s: float = -math.inf,
         *,
+        made: float = math.inf,
         proves: bool = True,
-    ) -> bool:
-        """Search labels for arrivals until some time; tells whether that is the end, by an answer, the clock or the count.
+    ) -> Round:
+        """Search labels for arrivals until some time, and return the search.
 
         In this part of the network nothing arrives before `least_s`. A guide that leaves out more than it must `proves` nothing.
         """
-        one = self._round(part, guide, forward, needed, until_s, stop_at, most_labels, least_s)
+        one = self._round(part, guide, forward, needed, until_s, stop_at, most_labels, least_s, made=made)
         one.run()
         self.labels_expanded += one.labels_expanded
         if one.best is not None and one.stop_labels.best_s < self.best_s:
@@ -345,4 +380,4 @@ class GuidedSearch:
         if one.complete and (proves or (one.best is not None and one.stop_labels.best_s <= least_s + GAIN_S)):
             self._nothing_before(part, one.stop_labels.best_s)
         self.complete = self._answer is None or self.lower_bound_s >= self.best_s - GAIN_S
-        return one.best is not None or not one.complete
+        return one

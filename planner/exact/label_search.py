@@ -91,45 +91,6 @@ class Settled:
         return True
 
 
-@dataclass
-class Halved:
-    """Deadlines of searches between a time before which nothing arrives and another.
-
-    The stations from which a drone arrives by a deadline can be few, and by the next one hundreds. So a search that makes many labels, for a
-    deadline far beyond what is known, is done again for one half as far.
-    """
-
-    least_s: float
-    """Nothing arrives before, POSIX seconds."""
-    until_s: float
-    near_s: float = math.inf
-    """A deadline no farther than that is not shortened."""
-    made: float = math.inf
-    """Many labels."""
-    hard_s: float = math.inf
-    """A deadline for which the search made many."""
-
-    @property
-    def next_s(self) -> float:
-        """The next deadline."""
-        if self.hard_s == math.inf:
-            return self.until_s
-        return self.hard_s if self.hard_s - self.least_s <= self.near_s else 0.5 * (self.least_s + self.hard_s)
-
-    @property
-    def most_made(self) -> float:
-        """Labels after which the search for it is given up."""
-        return self.made if self.next_s - self.least_s > self.near_s else math.inf
-
-    def nothing_before(self, time_s: float, made: int) -> None:
-        """Take note that nothing arrives before a time, which took so many labels. Where these are many, a nearer deadline takes no fewer."""
-        self.least_s = max(self.least_s, time_s)
-        if made > self.made:
-            self.near_s = math.inf
-        if self.hard_s <= self.least_s:
-            self.hard_s = math.inf
-
-
 class Round:
     """The search for the best composition that arrives by a deadline, the `best_s` of `stop_labels`.
 
@@ -188,6 +149,11 @@ class Round:
     def is_hard(self) -> bool:
         """Whether it ended because it `made` so many labels."""
         return not self.complete and self.labels_made >= self.made
+
+    @property
+    def has_ended(self) -> bool:
+        """Whether it ended before all labels were continued, or with an answer."""
+        return self.best is not None or not self.complete
 
     def run(self, roots: Sequence[StopLabel] | None = None) -> None:
         """Search to the end, from the origin or from other stop labels."""

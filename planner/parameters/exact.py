@@ -82,13 +82,10 @@ class ExactParameters(Parameters):
         10**9,
         measured=_SPEED,
     )
-    gate_made: int = parameter(
-        5000, "labels made, after which that search is given up for a deadline half as far, unless it is near", 1, 10**9,
-        measured="1,000 stations on 60 km: the slowest of 200 requests 3.6 to 1.3 s (decision 131)",
+    many_labels: int = parameter(
+        3000, "labels made in a dense network, after which a search is done again with finer cells", 1, 10**9,
     )  # fmt: skip
-    near_gate_cells: float = parameter(
-        1.0, "near: so many finer cells beyond the time before which nothing arrives", 0.1, 1000
-    )
+    finer: int = parameter(4, "that many for each cell then, at most", 2, 100)
     gate_late_s: float = parameter(
         1.0, "how much later than the best delivery after such a time that way may arrive", 1e-5, 3600, unit="s",
         measured="a delivery of 22 hours at 1,000 stations: found in 6 labels; with the deadline of the search, not in 400 (decision 131)",

@@ -18,8 +18,8 @@ from skyway.planner.schedule.itinerary import fly_true
 from skyway.planner.schedule.schedule_kernels import SOC_LANDING, TOUCH_DOWN
 
 NEAR = replace(USUAL, exact=ExactParameters(near_stations=4, dense_segments=1))
-HALVED = replace(USUAL, exact=replace(NEAR.exact, gate_made=3, near_gate_cells=0.1))
-"""Searches from gates give up after a few labels, for nearer deadlines."""
+FINER = replace(USUAL, exact=replace(NEAR.exact, many_labels=3))
+"""Searches are given up after a few labels, and done again with finer cells."""
 
 
 def stormy(rng, *, sites=1):
@@ -77,7 +77,7 @@ def count_gates(monkeypatch, *, with_drones_aloft=True):
 
 
 @pytest.mark.parametrize("target", [False, True])
-@pytest.mark.parametrize("parameters", [USUAL, NEAR, HALVED])
+@pytest.mark.parametrize("parameters", [USUAL, NEAR, FINER])
 def test_in_storms_it_equals_the_exhaustive_search(monkeypatch, target, parameters):
     gates = count_gates(monkeypatch)
     for seed in range(10):
@@ -96,7 +96,7 @@ def test_in_storms_it_equals_the_exhaustive_search(monkeypatch, target, paramete
     assert parameters is USUAL or len(gates) > 3
 
 
-@pytest.mark.parametrize("parameters", [NEAR, HALVED])
+@pytest.mark.parametrize("parameters", [NEAR, FINER])
 def test_where_parts_of_a_city_open_at_other_hours_it_equals_the_exhaustive_search(monkeypatch, parameters):
     gates = count_gates(monkeypatch)
     given_up = []
@@ -113,7 +113,7 @@ def test_where_parts_of_a_city_open_at_other_hours_it_equals_the_exhaustive_sear
         assert found == pytest.approx(referee, rel=1e-6), seed
         assert search.complete
     assert sum(not gate.shut for gate in gates) > 3
-    assert (sum(given_up) > 3) == (parameters is HALVED)
+    assert (sum(given_up) > 3) == (parameters is FINER)
 
 
 def test_the_last_opening_proves_an_answer_in_few_labels(monkeypatch):
