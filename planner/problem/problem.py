@@ -17,12 +17,11 @@ from skyway.models.flight.energy import FlightPower
 from skyway.models.flight.heights import wind_factors
 from skyway.models.flight.rules import SegmentWind, air_over
 from skyway.models.queues.opening_hours import Closures, closed_path, opening_hours
-from skyway.models.queues.paths import PackedPaths, QueuePath, joined, no_queue, pack, spliced
-from skyway.models.queues.sampling import sample_many, sample_sets
 from skyway.models.queues.waiting_times import TAIL_H
 from skyway.planner.parameters.planner import USUAL
 from skyway.planner.problem.error_model import USUAL_ERRORS
 from skyway.planner.problem.expected_waits import ExpectedWaits
+from skyway.planner.problem.queue_samples import QueueSamples
 from skyway.planner.problem.request_checks import check_request
 from skyway.planner.problem.ways_on import return_node, undelivered_node, ways_on
 
@@ -33,6 +32,7 @@ if TYPE_CHECKING:
 
     from skyway.models.drones.drone import Drone
     from skyway.models.network.network import Network
+    from skyway.models.queues.paths import PackedPaths, QueuePath
     from skyway.models.scenario.scenario import Scenario
     from skyway.models.scenario.tariff import Tariff
     from skyway.models.wind.forecast import WindEnsemble
@@ -47,7 +47,6 @@ NEVER_S = 1e12
 """A time, s, beyond all others; negated, before all others."""
 MIN_EPSILON = 1e-6
 """Least epsilon: neither gusts nor the number of arrivals at a station are bounded."""
-_MANY = 0x51
 IN_FLIGHT = "in-flight"
 """Id of the node at the position of a drone in the air."""
 
@@ -311,13 +310,9 @@ class Problem:
         return {self.network.index[key]: times for key, times in known.items() if key in self.network.index}
 
     @cached_property
-    def _spots(self) -> NDArray[np.int64]:
+    def holding_spots(self) -> NDArray[np.int64]:
+        """Holding spots at each node, shape (nodes,)."""
         return np.array([station.holding_spots for station in self.network.stations], dtype=np.int64)
-
-    @cached_property
-    def _paths(self) -> dict[tuple[int, int], dict[int, QueuePath]]:
-        """Sampled queues so far, by seed, sample and node."""
-        return {}
 
     @cached_property
     def waits(self) -> ExpectedWaits:
@@ -332,21 +327,7 @@ class Problem:
         self, nodes: Iterable[int], samples: Sequence[int], seed: int | None = None
     ) -> list[dict[int, QueuePath]]:
         """Several sampled realisations of the other drones at each of some stations."""
-        seed = self.request.seed if seed is None else seed
-        wanted = list(dict.fromkeys(nodes))
-        kept = [self._paths.setdefault((seed, sample), {}) for sample in samples]
-        missing = [node for node in wanted if any(node not in paths for paths in kept)]
-        if missing:
-            with_pads = [node for node in missing if self.has_pads(node)]
-            lacking = [number for number, paths in enumerate(kept) if any(node not in paths for node in missing)]
-            seeds = [(seed, samples[number]) for number in lacking]
-            hours, pads = float(HORIZON_H), self.network.pads
-            found = sample_sets(
-                self.load, pads, self._spots, with_pads, self.depart_s, hours, seeds, self.busy, self.pads_free_s
-            )
-            for number, paths in zip(lacking, found, strict=True):
-                kept[number].update({node: self.while_open(node, paths.get(node) or no_queue()) for node in missing})
-        return [{node: paths[node] for node in wanted} for paths in kept]
+        return self.queue_samples.sets(self, nodes, samples, self.request.seed if seed is None else seed)
 
     def many_queues(
         self, nodes: Sequence[int], stream: int, count: int, until_s: float | NDArray[np.float64] = math.inf
@@ -354,42 +335,14 @@ class Problem:
         """Sample `count` realisations of the other drones at each of some places, in order (place, realisation).
 
         The realisations of a stream differ from those of `queue_sets` and of other streams; a repeated request with the same count gives the same
-        ones. Times after `until_s`, of all or of each, shape (count,), may be missing: those after `sampled_until`.
+        ones. Times after `until_s`, of all or of each, shape (count,), may be missing.
         """
-        kept, end_s = self._kept_queues(stream, count), self.depart_s + HORIZON_H * S_PER_H
-        wanted = np.broadcast_to(np.where(np.less(until_s, end_s), until_s, math.inf), count)
-        for node in nodes:
-            known, before = kept.get(node, (np.full(count, -math.inf), None))
-            lacking = known < wanted
-            if before is None or lacking.any():
-                found = self._sampled_at(node, (self.request.seed, stream), count, np.where(lacking, wanted, -math.inf))
-                found = found if before is None else spliced(before, found, lacking)
-                kept[node] = np.maximum(known, wanted), found
-        return joined([kept[node][1] for node in nodes])
-
-    def sampled_until(self, nodes: Sequence[int], stream: int, count: int) -> NDArray[np.float64]:
-        """Until when `many_queues` has sampled each realization at all of some places, POSIX seconds, shape (count,); infinite for all of the horizon."""
-        kept = self._kept_queues(stream, count)
-        if any(node not in kept for node in nodes):
-            return np.full(count, -math.inf)
-        return np.asarray(np.min([kept[node][0] for node in nodes], axis=0))
-
-    def _sampled_at(self, node: int, seed: tuple[int, int], count: int, until_s: NDArray[np.float64]) -> PackedPaths:
-        pads, spots = int(self.network.pads[node]), int(self._spots[node])
-        busy, free_s = self.busy.get(node), self.pads_free_s.get(node, ())
-        hours, seeds = float(HORIZON_H), (_MANY, *seed)
-        found = sample_many(self.load, pads, spots, node, self.depart_s, hours, seeds, count, busy, free_s, until_s)
-        if node not in self.closures and not (node == self.awaiting and math.isfinite(self.earliest_s)):
-            return found
-        return pack([self.while_open(node, found[number]) for number in range(count)])
-
-    def _kept_queues(self, stream: int, count: int) -> dict[int, tuple[NDArray[np.float64], PackedPaths]]:
-        return self._many.setdefault((self.request.seed, stream, count), {})
+        return self.queue_samples.many(self, nodes, stream, count, until_s)
 
     @cached_property
-    def _many(self) -> dict[tuple[int, int, int], dict[int, tuple[NDArray[np.float64], PackedPaths]]]:
-        """Sampled queues so far, by seed, stream, count and node, and until when each is known, POSIX seconds."""
-        return {}
+    def queue_samples(self) -> QueueSamples:
+        """Sampled queues so far."""
+        return QueueSamples(float(HORIZON_H))
 
     @cached_property
     def direct_air(self) -> SegmentWind:
@@ -468,5 +421,5 @@ class Problem:
 
     def _sharing_queues(self, drone: Drone, ensemble: WindEnsemble) -> Problem:
         other = Problem(self.scenario, self.request, drone, ensemble, parameters=self.parameters, waits=self.waits)
-        other.__dict__["_paths"], other.__dict__["_many"], other.forecast = self._paths, self._many, self.forecast
+        other.__dict__["queue_samples"], other.forecast = self.queue_samples, self.forecast
         return other

@@ -249,7 +249,7 @@ class ChargePolicy:
             usual_s = usual_arrivals_s(schedule, members)
             read_s = usual_s.max(axis=1, where=np.isfinite(usual_s), initial=-math.inf)
             read_s = np.maximum(schedule[:, :, TOUCH_DOWN].max(axis=1), read_s)
-            late = np.flatnonzero(read_s > p.sampled_until(nodes, sample_set, sets)[disturbance.queue])
+            late = np.flatnonzero(read_s > p.queue_samples.sampled_until(p, nodes, sample_set, sets)[disturbance.queue])
             until_s = until_s.copy()
             until_s[disturbance.queue[late]] = math.inf
         return schedule, energy_ratio, paths, usual_s
@@ -266,7 +266,7 @@ class ChargePolicy:
         np.maximum.at(ends_s, before.member, last_s)
         needed_s = np.full(truths.sets, -math.inf)
         np.maximum.at(needed_s, truths.disturbance.queue, ends_s[truths.members])
-        known_s = p.sampled_until(nodes, truths.sample_set, truths.sets)
+        known_s = p.queue_samples.sampled_until(p, nodes, truths.sample_set, truths.sets)
         return np.where(known_s >= needed_s, known_s, p.depart_s + _AHEAD * (needed_s - p.depart_s))
 
     def typical(self, before: OutOfSample) -> Typical:

@@ -1,6 +1,6 @@
 """The robust planner: a route and a charge policy, chosen by out-of-sample simulation.
 
-Routes are composed by the exact planner in problems that represent the forecast (`planner.problem.mean_value`): that of the mean
+Routes are composed by the exact planner in problems that represent the forecast (`planner.robust.composer`): that of the mean
 flight time at several margins, and some of its members with sampled queues. Each route is flown with charges decided at
 each stop (`planner.robust.charge_policy`), every member being the truth once for a drone whose forecast excludes it. The best by
 the objective among those that keep the reserve is the answer; its margin is calibrated in the same way, among other queues
@@ -13,33 +13,22 @@ from __future__ import annotations
 import math
 import time
 from dataclasses import dataclass, replace
-from functools import cached_property
-from itertools import product
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from skyway.models.base.errors import NoRouteError
-from skyway.models.wind.ensemble import evenly
-from skyway.planner.exact.exact import ExactSearch
 from skyway.planner.lookahead.lookahead import Lookahead
-from skyway.planner.problem.mean_value import ExpectedQueues, energy_margin
-from skyway.planner.problem.objective import Weights
-from skyway.planner.problem.speeds import MeanSpeeds
 from skyway.planner.robust.candidate import Candidate
 from skyway.planner.robust.charge_policy import ChargePolicy, known_at
+from skyway.planner.robust.composer import Composer
 from skyway.planner.robust.free_capacity import blocking_probabilities
-from skyway.planner.robust.loss_search import LossSearch
 from skyway.planner.robust.out_of_sample import PROMISING, OutOfSample, margin_for
-from skyway.planner.robust.through import compose_through
 from skyway.planner.schedule.no_route import emptied_leg, no_route, runs_empty
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
-
     from numpy.typing import NDArray
 
-    from skyway.models.queues.paths import QueuePath
     from skyway.planner.problem.error_model import Errors
     from skyway.planner.problem.problem import Problem
     from skyway.planner.schedule.itinerary import Itinerary
@@ -63,9 +52,6 @@ class RobustAnswer:
     """All compared routes, best first."""
 
 
-COMPOSED_IN = 0
-"""Seed of the queues in which routes are composed, independent of that of the request, which changes only the
-deliveries used for evaluation."""
 MIN_HOLD_S = 60.0
 """A shorter wait is not moved to another station, s."""
 
@@ -93,14 +79,18 @@ class RobustSearch:
         self.parameters = problem.parameters.robust
         self.problem = problem.thinned(self.parameters.members)
         self.errors = self.problem.usual_errors if errors is None else errors
-        self.labels_expanded = 0
-        """Labels expanded by the exact searches, and simulated deliveries."""
         self.complete = True
         """Whether the comparison is complete."""
         self._end_at = end_at
         self._large = len(problem.network) > self.parameters.large_network
-        self._composed: dict[tuple[object, ...], Itinerary | None] = {}
+        self._composer = Composer(self.problem, self.errors, self._late)
+        self._simulated = 0
         self._known: dict[tuple[object, ...], tuple[Candidate, NDArray[np.float64]]] = {}
+
+    @property
+    def labels_expanded(self) -> int:
+        """Labels expanded by the exact searches, and simulated deliveries."""
+        return self._composer.labels_expanded + self._simulated
 
     def solve(self) -> RobustAnswer:
         """Search for the best route. Raises a `NoRouteError` if there is no route even without margin."""
@@ -113,7 +103,7 @@ class RobustSearch:
     def _of_short_flights(self) -> list[Candidate]:
         """Return routes of flights so short that hardly any wind makes them too long for the battery, over any station."""
         found: dict[tuple[tuple[int, ...], ...], Candidate] = {}
-        self._add_composed(found, self._short_margin, np.ones(len(self.problem.network), dtype=bool))
+        self._add_short_flights(found, np.ones(len(self.problem.network), dtype=bool))
         return _flying(found)
 
     def _with_short_flights(self, candidates: list[Candidate]) -> list[Candidate]:
@@ -254,16 +244,18 @@ class RobustSearch:
                 allowed[without] = without in p.must_stop
             if _flying(found) and (quick or self._large or likely_free_at.all() or self._late()):
                 break
-            for itinerary in self._routes(
+            for itinerary in self._composer.routes(
                 allowed, members=0 if found or self._large else self.parameters.sampled_members
             ):
                 self._add(found, itinerary)
                 if _flying(found) and (quick or self._late()):
                     break
-            for itinerary in self._sparing(allowed, quick=quick):
+            for itinerary in self._composer.sparing(allowed, quick=quick):
                 self._add(found, itinerary)
             if found and not (_flying(found) and (quick or self._late())):
-                self._add_short_flights(found, allowed)
+                best = min(found.values(), key=Candidate.order).outcome
+                if self._waits_long(best, self.parameters.screen_runs):
+                    self._add_short_flights(found, allowed)
         if not found:
             raise no_route(p, Lookahead(p))
         flying = _flying(found)
@@ -277,37 +269,11 @@ class RobustSearch:
         ranked = self.problem.request.objective.ranked([one.order() for one in candidates])
         return [candidates[number] for number in ranked]
 
-    def _sparing(self, allowed: NDArray[np.bool_], *, quick: bool) -> Iterator[Itinerary]:
-        """Return routes that save what the objective counts beside time, and early ones if stations close while drones charge; else none."""
-        p = self.problem
-        early = (Weights(per_h=1.0),) if p.closures else ()
-        late = (0.0, self.parameters.closing_late_s) if p.closures and not quick else (0.0,)
-        for weights, late_s in product((*p.request.objective.searched, *early), late):
-            for margin in self._margins[: 1 if quick or self._large else None]:
-                if self._late():
-                    return
-                speeds, _ = self._mean_value
-                labels = self.parameters.sparing_labels_large if self._large else self.parameters.sparing_labels
-                queues = self._expected_queues
-                search = LossSearch(p, queues, speeds, margin, allowed, weights, most_labels=labels, late_s=late_s)
-                yield from search.routes(1 if quick else self.parameters.sparing_routes)
-                self.labels_expanded += search.labels_expanded
-
     def _add_short_flights(
         self, found: dict[tuple[tuple[int, ...], ...], Candidate], allowed: NDArray[np.bool_]
     ) -> None:
-        """Add, if the best route waits long, one of flights so short that hardly any wind makes them too long for the battery."""
-        best = min(found.values(), key=Candidate.order).outcome
-        if self._waits_long(best, self.parameters.screen_runs):
-            self._add_composed(found, self._short_margin, allowed)
-
-    def _add_composed(
-        self, found: dict[tuple[tuple[int, ...], ...], Candidate], margin: float, allowed: NDArray[np.bool_]
-    ) -> None:
-        """Add the best route of the mean-value problem with a margin, on large networks the best within a few labels."""
-        speeds, queues = self._mean_value
-        labels = self.parameters.short_leg_labels if self._large else math.inf
-        itinerary = self._compose(speeds, queues, margin, allowed, most_labels=labels)
+        """Add a route of flights so short that hardly any wind makes them too long for the battery."""
+        itinerary = self._composer.short_flights(allowed)
         if itinerary is not None:
             self._add(found, itinerary)
 
@@ -334,110 +300,6 @@ class RobustSearch:
             else:
                 legs.append(leg)
         return tuple(legs)
-
-    def _routes(self, allowed: NDArray[np.bool_], members: int) -> Iterator[Itinerary]:
-        """Compose in the mean-value problem at several margins, and in a number of members with a sampled queue."""
-        p = self.problem
-        speeds, queues = self._mean_value
-        margins = self._margins[:1] if self._large else self._margins
-        found = 0
-        for margin in margins:
-            itinerary = self._compose(speeds, queues, margin, allowed)
-            if itinerary is not None:
-                found += 1
-                yield itinerary
-        if not found:  # there may be a route without any margin; and if so, perhaps with more than none
-            bare = self._compose(speeds, queues, 0.0, allowed)
-            if bare is None:
-                return
-            cautious = self._compose(speeds, queues, self._short_margin, allowed)
-            yield from (one for one in (cautious, bare) if one is not None)
-        for sample, member in enumerate(evenly(len(p.probability), members).tolist()):
-            alone = np.zeros(len(p.probability))
-            alone[member] = 1.0
-            sampled = p.queue_paths(range(len(p.network)), sample, COMPOSED_IN)
-            itinerary = self._compose(self._speeds(alone), sampled, self._margins[0], allowed)
-            if itinerary is not None:
-                yield itinerary
-
-    @cached_property
-    def _margins(self) -> tuple[float, ...]:
-        """Margins of each flight's energy with which routes are composed: for the wind, and for the energy belief.
-
-        The first one is that before the first leg, the others those after it.
-        """
-        begin, *others = self.parameters.margins
-        first = self.errors.energy_of(self.problem.drone)
-        then = first.learnt(first.mean_ratio, 1.0, soc_sd=0.0)
-        epsilon = self.problem.epsilon
-        return energy_margin(begin, first, epsilon), *(energy_margin(margin, then, epsilon) for margin in others)
-
-    @property
-    def _short_margin(self) -> float:
-        belief = self.errors.energy_of(self.problem.drone)
-        return energy_margin(self.parameters.short_leg_margin, belief, self.problem.epsilon)
-
-    @cached_property
-    def _mean_value(self) -> tuple[MeanSpeeds, Mapping[int, QueuePath]]:
-        """Speeds and queues of the mean-value problem."""
-        return self._speeds(self.problem.probability), self._expected_queues
-
-    @cached_property
-    def _expected_queues(self) -> ExpectedQueues:
-        return ExpectedQueues(self.problem)
-
-    def _speeds(self, probability: NDArray[np.float64]) -> MeanSpeeds:
-        count = np.count_nonzero(probability)
-        if self._large and count > self.parameters.speed_members:
-            kept = evenly(len(probability), self.parameters.speed_members)
-            mask = np.zeros(len(probability))
-            mask[kept] = probability[kept]
-            if mask.sum() > 0.0:
-                probability = mask / mask.sum()
-        return MeanSpeeds(self.problem.air, probability, self.parameters.speed_hours)
-
-    def _compose(
-        self,
-        speeds: MeanSpeeds,
-        queues: Mapping[int, QueuePath],
-        margin: float,
-        allowed: NDArray[np.bool_],
-        *,
-        most_labels: float = math.inf,
-    ) -> Itinerary | None:
-        """Compose the best route, or the best within a number of labels; without one, on large networks the first one found.
-
-        The first one keeps to labels with spare charge; the best has less for winds other than the mean. A composed
-        route is stored: a quick search is followed by a whole one.
-        """
-        key = speeds, margin, allowed.tobytes(), most_labels  # other queues belong to other speeds
-        if key not in self._composed:
-            self._composed[key] = self._compose_now(speeds, queues, margin, allowed, most_labels)
-        return self._composed[key]
-
-    def _compose_now(
-        self,
-        speeds: MeanSpeeds,
-        queues: Mapping[int, QueuePath],
-        margin: float,
-        allowed: NDArray[np.bool_],
-        most_labels: float,
-    ) -> Itinerary | None:
-        def find(part: Problem) -> tuple[Itinerary | None, float]:
-            search = ExactSearch(
-                part,
-                queues,
-                speeds=speeds,
-                margin_soc_per_s=margin * part.soc_per_s,
-                stops=allowed,
-                time_limit_s=0.0 if self._large and most_labels == math.inf else math.inf,
-                most_labels=most_labels,
-            )
-            found = search.find()
-            self.labels_expanded += search.labels_expanded
-            return found, search.best_s
-
-        return compose_through(self.problem, queues, find) if self.problem.must_stop else find(self.problem)[0]
 
     def judged(self, itinerary: Itinerary) -> Candidate:
         """Return the performance of a route in the deliveries of the first comparison."""
@@ -472,7 +334,7 @@ class RobustSearch:
 
     def _candidate(self, policy: ChargePolicy, out_of_sample: OutOfSample) -> Candidate:
         p = self.problem
-        self.labels_expanded += len(out_of_sample.weight)
+        self._simulated += len(out_of_sample.weight)
         outcome = out_of_sample.outcome(p, policy.itinerary)
         unsafe = 1.0 - outcome.p_success > p.epsilon + self.parameters.chance_runs / len(out_of_sample.weight)
         return Candidate(policy, outcome, unsafe, p.request.objective.loss(outcome), out_of_sample)

@@ -14,7 +14,7 @@ from skyway.planner.parameters.planner import USUAL
 from skyway.planner.plan import plan
 from skyway.planner.problem.problem import Problem
 from skyway.planner.problem.sampled_queues import SampledQueues
-from skyway.planner.robust import charge_policy, robust
+from skyway.planner.robust import charge_policy, composer, robust
 from skyway.planner.schedule.itinerary import fly_true
 from skyway.planner.schedule.schedule_kernels import SOC_LANDING, TOUCH_DOWN
 
@@ -89,7 +89,7 @@ def test_robust_composes_no_route_twice(monkeypatch):
             composed.append((margin_soc_per_s, stops.tobytes(), speeds))
             super().__init__(problem, queues, margin_soc_per_s=margin_soc_per_s, stops=stops, speeds=speeds, **limits)
 
-    monkeypatch.setattr(robust, "ExactSearch", Counted)
+    monkeypatch.setattr(composer, "ExactSearch", Counted)
     search = robust.RobustSearch(problem)
     search.candidates(quick=True)
     search.candidates()

@@ -53,12 +53,12 @@ def test_queues_sampled_in_parts_are_those_sampled_at_once(policy):
     one, other = (afresh(policy).problem for _ in range(2))
     nodes, rng = place_nodes(one, policy.itinerary), np.random.default_rng(1)
     whole = one.many_queues(nodes, 7, 50)
-    assert np.isinf(one.sampled_until(nodes, 7, 50)).all()
-    assert np.isneginf(other.sampled_until(nodes, 7, 50)).all()
+    assert np.isinf(one.queue_samples.sampled_until(one, nodes, 7, 50)).all()
+    assert np.isneginf(other.queue_samples.sampled_until(other, nodes, 7, 50)).all()
     for _ in range(4):
         until_s = other.depart_s + 3600.0 * rng.uniform(0.0, 30.0, 50)
         found = other.many_queues(nodes, 7, 50, until_s)
-        known_s = other.sampled_until(nodes, 7, 50)
+        known_s = other.queue_samples.sampled_until(other, nodes, 7, 50)
         assert (known_s >= until_s).all()
         for number in range(0, len(found), 7):
             end_s = known_s[number % 50]
