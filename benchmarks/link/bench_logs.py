@@ -24,11 +24,12 @@ PYMAVLINK_TARGET = 10.0
 FILTER_TARGET_PER_S = 1e3
 MEMORY_TARGET_MB = 300.0
 SCAN_SCRIPT = """
-import resource, sys
+import sys
 from pathlib import Path
+from benchmarks.tables.memory import peak_memory_mb
 from skyway.link.logs.tlog.tlog import scan
 index = scan(Path(sys.argv[1]))
-print(index.messages, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024)
+print(index.messages, peak_memory_mb())
 """
 
 

@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import argparse
 import math
-import resource
 import subprocess
 import sys
 import time
@@ -24,6 +23,7 @@ import numpy as np
 
 from benchmarks.cases.networks import dense, geometric, random_pairs
 from benchmarks.tables.figure import Figure
+from benchmarks.tables.memory import peak_memory_mb
 from skyway.models.base.errors import InfeasibleError
 from skyway.models.composition.composition import State
 from skyway.planner.plan import plan
@@ -187,7 +187,7 @@ def main() -> int:
     if options.peak is not None:
         scenario = dense(options.stations[0], SEED)
         trials(scenario, options.peak, requests(scenario, options.count))
-        print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024.0)
+        print(peak_memory_mb())
         return 0
     found = (
         growth(count=options.count) if options.growth else measure(count=options.count, sizes=tuple(options.stations))

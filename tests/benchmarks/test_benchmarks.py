@@ -1,6 +1,7 @@
 """Benchmarks: small ones run, instances are what was published."""
 
 import json
+import subprocess
 import sys
 from dataclasses import replace
 from pathlib import Path
@@ -20,6 +21,7 @@ from benchmarks.planners.paper import CUT_OFF, NO_ROUTE, SOLVED, PaperRun, rows 
 from benchmarks.planners.trials import ROLLING, case_of, contenders  # noqa: E402
 from benchmarks.tables import pictures, report  # noqa: E402
 from benchmarks.tables.figure import Figure, machine  # noqa: E402
+from benchmarks.tables.memory import peak_memory_mb  # noqa: E402
 from skyway.models.base.errors import InputError  # noqa: E402
 from skyway.models.base.parameters import with_settings  # noqa: E402
 from skyway.planner.evaluation.evaluate import NO_ERRORS, fly_policy  # noqa: E402
@@ -237,3 +239,11 @@ def test_where_the_wind_closes_a_flight_for_hours_a_route_of_shorter_ones_is_bet
     assert len(short.robust.candidates) > len(long.robust.candidates)
     assert short.outcome.mean_s - begin < 0.95 * (long.outcome.mean_s - begin)
     assert short.outcome.p_success >= 1.0 - 0.005
+
+
+@pytest.mark.skipif(not Path("/proc/self/status").exists(), reason="the peak of one process alone is told by Linux")
+def test_peak_memory_is_not_that_of_the_process_that_started_it():
+    held = np.ones(40_000_000)
+    script = "from benchmarks.tables.memory import peak_memory_mb; print(peak_memory_mb())"
+    done = subprocess.run([sys.executable, "-c", script], cwd=ROOT, check=True, capture_output=True, text=True)
+    assert 0.0 < float(done.stdout) < held.nbytes / 2**20 < peak_memory_mb()
