@@ -47,6 +47,9 @@ TOLD_S = 6 * 3600.0
 """Plans mention closures up to this time after the delivery."""
 LATE = 0.95
 """Share of deliveries that must arrive before the end of the forecast; otherwise the plan says so."""
+MOST_SIMULATED_FLIGHTS = 225_000
+"""A fixed plan of more flights, over all simulated deliveries, is simulated in fewer deliveries, though not in fewer than a hurried one: what they read of queues
+is kept, a megabyte for each flight of the plan. A hundred and fifty flights are no plan that anybody flies."""
 SMALL_NETWORK = 200
 """Up to this number of stations, waits are forecast for all of them beforehand; otherwise as the search meets them."""
 
@@ -65,7 +68,9 @@ def solve(
         same = problem.thinned(
             problem.parameters.robust.members
         )  # the members in which the figures of `robust` are counted
-        count = problem.parameters.robust.final_runs_of(len(problem.network))
+        robust = problem.parameters.robust
+        count = robust.final_runs_of(len(problem.network))
+        count = min(count, max(MOST_SIMULATED_FLIGHTS // len(itinerary), robust.hurried_runs))
         runs = simulate_fixed(same, itinerary, problem.usual_errors, count)
         if not np.isfinite(runs.schedule[:, -1, TOUCH_DOWN]).any():
             raise never_leaves(problem, itinerary, grounded_leg(runs.schedule))

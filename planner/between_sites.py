@@ -9,7 +9,7 @@ less, with the standard deviation
 where e c is the charge that a second of this flight takes, t(i) the seconds that the error of the wind over a segment costs for each of its
 standard deviations, and r(i, j) the correlation of the errors. What a flight has left above the reserve is x. Flown to its end whatever
 the wind, it lands below the reserve with probability Phi(-x / s). `fly` turns it on its way, about halfway: what is met there is known by then, half of the
-variance, and what is still unknown must be kept but for `OnlineParameters.doubt_sigmas` deviations d, so that it is turned with
+variance, and what is still unknown must be kept but for epsilon, d deviations, so that it is turned with
 
     Phi(-(x - d s / sqrt(2)) / (s / sqrt(2)))
 
@@ -20,6 +20,7 @@ pad where it began. Where a full battery is not enough for that, it waits until 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from statistics import NormalDist
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -66,7 +67,7 @@ def between_sites(answer: RobustAnswer) -> BetweenSites | None:
     problem, policy = answer.policy.problem, answer.policy
     if not record_days(problem.ensemble):
         return None
-    runs, online = answer.out_of_sample, problem.parameters.online
+    runs, sigmas = answer.out_of_sample, NormalDist().inv_cdf(1.0 - problem.epsilon)
     legs = len(policy)
     flown = np.isfinite(runs.schedule[:, :, TOUCH_DOWN])
     spread, delay = np.zeros(flown.shape), np.zeros(flown.shape)
@@ -83,7 +84,7 @@ def between_sites(answer: RobustAnswer) -> BetweenSites | None:
         delay[there, leg] = _delay_s(problem, segments[0], flights, spread[there, leg], left[there, leg])
     below = np.where(flown, chance_above(left, spread), 0.0)
     half = spread / np.sqrt(2.0)
-    turned = np.where(flown, chance_above(left - online.doubt_sigmas * half, half), 0.0)
+    turned = np.where(flown, chance_above(left - sigmas * half, half), 0.0)
     turned = np.maximum(turned, below)  # it looks later, too
     return BetweenSites(
         *worst,

@@ -245,7 +245,7 @@ class GuidedSearch:
                     hard = one.is_hard
                     if one.has_ended and not hard:
                         return
-                if hard and (self._answer is None or self._time_is_left):
+                if hard and not self._given_up and (self._answer is None or self._time_is_left):
                     inner, narrow_guide, _ = narrow
                     most = self._most_states(part) // (len(inner.nodes) * cells.length)
                     finer = min(max(most, 2), self.parameters.finer)

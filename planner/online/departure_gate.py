@@ -133,6 +133,23 @@ class DepartureGate:
         found = (_least(reach, below, share) for share in shares)
         return [one for one in found if one is not None]
 
+    def kept_soc(self, step: Step) -> float:
+        """Charge above the reserve that a leg must be expected to end with, to be flown on over the last station on its way where it can land.
+
+        It is flown on where what is still unknown there breaks the reserve with epsilon at most.
+        """
+        names, at_s = self._names(step), self._take_off_s(step)
+        there, reach = self._way(names[: step.last + 1], at_s)
+        flown = reach.to_the_end(there, at_s, climbs=True)
+        rest = self._reach.way(names[step.last], names[step.last + 1 : -1], names[-1])
+        onward = reach.to_the_end(rest, at_s + float(reach.expected(flown.time_s)))
+        first_soc, rest_soc = float(reach.expected(flown.soc)), float(reach.expected(onward.soc))
+        ratio = reach.belief.mean_ratio
+        then = reach.belief.in_flight(first_soc * ratio, first_soc)
+        wind_soc = ratio * float(reach.expected(onward.doubt))
+        unknown = math.hypot(wind_soc, rest_soc * then.sd_between, SOC_SD)
+        return then.sigmas(1.0 - self._epsilon) * unknown + self._kept_at(names[-1]) - self._policy.request.reserve_soc
+
     def _leg(self, step: Step) -> tuple[tuple[str, ...], Reach, _Taken]:
         """Stations of a leg as far as it must be sure of it, what can be flown there, and what that takes."""
         sure, at_s = self._sure(step, self._names(step)), self._take_off_s(step)
@@ -255,7 +272,8 @@ class DepartureGate:
         if not self._info.measures_wind:
             more = NormalDist().inv_cdf(1.0 - self._policy.parameters.p_begin) * taken.learnt
             return taken.cost * (1.0 + more), reserve, taken.doubt
-        sigmas, ratio = NormalDist().inv_cdf(1.0 - self._epsilon), self._reach.belief.mean_ratio
+        belief = self._reach.belief
+        sigmas, ratio = belief.sigmas(1.0 - self._epsilon), belief.mean_ratio
         known = np.sqrt(np.maximum(taken.doubt**2 - taken.rest**2, 0.0))
         return taken.cost + sigmas * np.hypot(taken.rest, taken.energy_soc / ratio), reserve, known
 

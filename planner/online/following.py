@@ -43,6 +43,8 @@ class Step:
     """Segments up to the first station at which it can land if need be: its charge must be enough for these."""
     last: int = 0
     """Segments up to the last such station before the end."""
+    kept_soc: float = 0.0
+    """Charge above the reserve that a watched flight must be expected to end with, to be flown on over that station."""
     arrival_s: float = math.inf
     """Expected arrival of the delivery, POSIX seconds."""
     turn_back: TurnBack | None = None
@@ -76,7 +78,8 @@ class Following:
         sd = math.hypot(belief.sd_between / belief.mean_ratio, online.wind_spread if watched else 0.0)
         self._relative = replace(belief, mean_ratio=1.0, sd_between=sd, sd_within=0.0)
         self._measured, self._watched = measured, watched
-        self._doubt = online.doubt_sigmas * belief.sd_within / belief.mean_ratio if watched else 0.0
+        sigmas = belief.sigmas(1.0 - problem.epsilon)
+        self._doubt = sigmas * belief.sd_within / belief.mean_ratio if watched else 0.0
         self.arrives = False
         """A way on was found in some future."""
         self.problem = problem if belief.mean_ratio == 1.0 else problem.with_energy(belief.mean_ratio)
@@ -204,7 +207,10 @@ class Following:
             soc = step.charge - used
             if count == len(step.segments) and step.last and not self._goes_on(step, future, off, soc, down):
                 continue
-            if soc >= p.reserve + self._doubt * used or (step.turn_back is not None and count == 1):
+            kept = self._doubt * used
+            if count == len(step.segments):
+                kept = max(kept, step.kept_soc)
+            if soc >= p.reserve + kept or (step.turn_back is not None and count == 1):
                 soc = max(soc, p.reserve)
                 if node == p.destination:
                     self.arrives = True

@@ -51,6 +51,9 @@ class Turning(Protocol):
     def charges(self, step: Step) -> list[float]:
         """Charges worth considering, because flights with them rarely turn back."""
 
+    def kept_soc(self, step: Step) -> float:
+        """Charge above the reserve that a leg must be expected to end with, to be flown on over the last station on its way where it can land."""
+
 
 class Hindsight(Following):
     """Compares next steps from one state, as `Following` takes it.
@@ -193,23 +196,24 @@ class Hindsight(Following):
             if least > full:
                 continue
             wanted = np.quantile(charges[segments], self.parameters.charge_quantiles).tolist()
-            wanted += self._takes(segments) if self._watched else [self.need(segments, p.depart_s)]
+            last = self._last_sure(segments)
+            kept = turning.kept_soc(Step(segments, p.soc, sure, last)) if turning is not None and last else 0.0
+            wanted += self._takes(segments, kept) if self._watched else [self.need(segments, p.depart_s)]
             wanted += turning.charges(Step(segments, p.soc, sure)) if turning is not None else []
             levels = np.clip(sorted(wanted), max(least, p.soc), full)
-            last = self._last_sure(segments)
             before = -1.0
             for level in levels.tolist():
                 if level - before > ALIKE:
-                    steps.append(Step(segments, level, sure, last))
+                    steps.append(Step(segments, level, sure, last, kept))
                     before = level
         return steps
 
-    def _takes(self, segments: tuple[int, ...]) -> list[float]:
-        """Charges that keep the reserve in half of the futures, and in more."""
+    def _takes(self, segments: tuple[int, ...], kept_soc: float) -> list[float]:
+        """Charges that keep the reserve, and some more, in half of the futures, and in more."""
         p = self.problem
         flights = [(one, *flight_in(one, segments, p.depart_s, self.parameters.hold_slots)) for one in self.futures]
         used = [self._used(one, segments, off, down) for one, off, down in flights if down < NEVER]
-        takes = [p.reserve + (1.0 + self._doubt) * one + self.parameters.told_soc for one in used]
+        takes = [p.reserve + one + max(self._doubt * one, kept_soc) + self.parameters.told_soc for one in used]
         return np.quantile(takes, self.parameters.sure_quantiles, method="higher").tolist() if takes else []
 
     def _tries(self, segments: tuple[int, ...], least: float, full: float) -> list[Step]:

@@ -83,9 +83,6 @@ class OnlineParameters(Parameters):
         0.7, "mean share of the charge of a supervised flight that is used when it returns to its origin after a divert",
         0, 1, measured="35 of 122 deliveries through faults (`benchmarks.link.supervision`): 0.62, 0.75 of those not turned within a minute",
     )  # fmt: skip
-    doubt_sigmas: float = parameter(
-        1.64, "a supervised flight diverts with this many standard deviations of its energy unknown: 5 % then break the reserve", 0, 5
-    )  # fmt: skip
     later_margin: float = parameter(
         0.02,
         "share of energy that later flights charge in addition, since they do not begin without a margin",

@@ -25,7 +25,7 @@ from skyway.planner.online.following import Step
 from skyway.planner.online.information import FlightMemory, Information
 from skyway.planner.online.options import Floors, Option
 from skyway.planner.online.policy import OnlinePolicy
-from skyway.planner.online.told_plan import best_charges, itinerary_of, needed_charges
+from skyway.planner.online.told_plan import best_charges, itinerary_of, needed_charges, segments_of
 from skyway.planner.parameters.online import OnlineParameters
 from skyway.planner.parameters.planner import PlannerParameters
 from skyway.planner.plan import plan
@@ -199,6 +199,29 @@ def test_the_more_charge_a_leg_begins_with_the_less_probably_it_is_turned(policy
     for share, charge in zip(wanted, charges, strict=False):
         assert gate.p_turned(replace(step, charge=charge)) <= share + 0.01
         assert gate.p_turned(replace(step, charge=charge - 0.01)) > share - 0.01
+
+
+@pytest.mark.parametrize(("speed", "from_deg"), [(3.0, 230.0), (6.0, 20.0), (8.0, 290.0)])
+def test_what_a_leg_over_a_station_must_keep_is_what_decides_above_that_station(policy, speed, from_deg):
+    air, belief = wind(speed, from_deg), EnergyBelief(1.0, 0.05, 0.02)
+    known = standing(air, belief)
+    problem = policy.problem(known)
+    over = segments_of(problem.network, ["bellevue", "belvedere", "yankee-stadium"])
+    kept = DepartureGate(policy, known, problem).kept_soc(Step(over, 1.0, 1, 1))
+    reach = policy.reach(air, belief.next_flight())
+    took = float(
+        reach.expected(reach.to_the_end(reach.way("bellevue", (), "belvedere"), known.time_s, climbs=True).soc)
+    )
+    then = belief.next_flight().in_flight(took, took)
+    network = problem.network
+    here = tuple(float(values[network.index["belvedere"]]) for values in (network.lat, network.lon))
+    above = known_at(1.0, 1.0, air, then, diverts=("bellevue", "belvedere"))
+    looks = [
+        policy.in_air(replace(above, here=here, soc=soc, flight=FlightMemory())) for soc in np.arange(0.3, 0.8, 0.004)
+    ]
+    sure = next(one.figures for one in looks if one.figures["p_below_reserve"] <= policy.epsilon)
+    assert sure["soc_land"] == pytest.approx(0.2 + kept, abs=0.012)
+    assert kept > 0.01
 
 
 def test_a_leg_that_may_be_turned_is_not_begun_where_there_is_no_room_to_come_back_to(policy, composition):
