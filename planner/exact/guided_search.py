@@ -275,7 +275,7 @@ class GuidedSearch:
             if one.is_hard:
                 return least, True
             least = max(least, found)
-            if self._proved() or least >= until:
+            if self._proved() or least >= min(until, self._better_s):
                 break
             gates.remove(gate)
         return least, False

@@ -164,7 +164,7 @@ class Round:
         label = self._next()
         while label is not None:
             after = self._expand(label)
-            if self.best is not None and self.stop_labels.best_s <= self.least_s + GAIN_S:
+            if self._is_best:
                 return
             self._in_order()
             most = self.most if self.best is None else min(self.most, self.enough)
@@ -173,6 +173,11 @@ class Round:
                 return
             # Until there is an answer the best continuation is followed at once.
             label = after if self.best is None and after is not None else self._next()
+
+    @property
+    def _is_best(self) -> bool:
+        """Whether an answer was found before which nothing arrives."""
+        return self.best is not None and self.stop_labels.best_s <= self.least_s + GAIN_S
 
     def _in_order(self) -> None:
         """Once there is an answer, or none in so many labels, continue what has the most to spare: a proof is shortest so."""
@@ -246,6 +251,8 @@ class Round:
         arrive, leave = stop_labels.arrive(stop_label, pieces[offset[d] : offset[d + 1]])
         if arrive < stop_labels.best_s - GAIN_S:
             self._keep(label.chain(), arrive, leave)
+            if self._is_best:
+                return None
             guide = self.guide
         wanted = subnetwork.has_pads & (guide.window[:, 1] >= guide.window[:, 0])
         wanted[[d, stop_label.node]] = False
@@ -292,7 +299,7 @@ class Round:
         self.best = (chain, leave_s)
         gained = stop_labels.best_s - arrive_s
         stop_labels.best_s = arrive_s
-        if gained > self.guide.cells.step_s and not self._late():
+        if gained > self.guide.cells.step_s and not self._is_best and not self._late():
             self.guide = run_backward(
                 stop_labels.subnetwork,
                 stop_labels.costs,
