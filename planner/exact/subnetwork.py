@@ -14,8 +14,7 @@ from skyway.models.queues.paths import no_queue, pack
 from skyway.planner.exact.relaxation_grid_kernels import Waits, queue_cells
 from skyway.planner.exact.stop_label_kernels import Grounds
 from skyway.planner.problem.flight_table import FlightTable
-from skyway.planner.problem.mean_value import ExpectedQueues
-from skyway.planner.problem.sampled_queues import SampledQueues
+from skyway.planner.problem.sampled_queues import AskedQueues
 from skyway.planner.problem.speeds import TrueSpeeds
 
 if TYPE_CHECKING:
@@ -223,7 +222,7 @@ def _narrowed_grounds(grounds: Grounds, nodes: NDArray[np.int64]) -> Grounds:
 
 def _grounds(problem: Problem, queues: Mapping[int, QueuePath], nodes: NDArray[np.int64], until_s: float) -> Grounds:
     wanted = nodes.tolist()
-    if isinstance(queues, ExpectedQueues | SampledQueues):
+    if isinstance(queues, AskedQueues):
         paths = queues.at(wanted, until_s)
     else:
         paths = [queues.get(node) or no_queue() for node in wanted]

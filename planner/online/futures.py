@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from statistics import NormalDist
@@ -13,17 +12,20 @@ import numpy as np
 
 from skyway.models.base.units import S_PER_H
 from skyway.models.flight.kernels import NEVER
-from skyway.models.queues.paths import QueuePath
 from skyway.planner.online.turn_back import USUAL_FLIGHT_S
 from skyway.planner.problem.flight_table import FlightTable, ground_speeds, table_land, table_slot, table_slot_end
+from skyway.planner.problem.sampled_queues import AskedQueues
 from skyway.planner.problem.speeds import TrueSpeeds
 from skyway.planner.robust.uncertain_wind_kernels import careful_speeds, gust_mean
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable
+
     from numpy.typing import NDArray
 
     from skyway.models.drones.energy_belief import EnergyBelief
     from skyway.models.flight.rules import SegmentWind
+    from skyway.models.queues.paths import QueuePath
     from skyway.planner.problem.problem import Problem
     from skyway.planner.robust.information_kernels import Known
 
@@ -32,23 +34,22 @@ MAX_TABLE = 200_000
 """Speeds of one future that are computed at once, at most."""
 
 
-class SampledQueues(Mapping[int, QueuePath]):
-    """One sampled realization of the queues of a problem; drawn for a station when it is first requested."""
+class SampledQueues(AskedQueues):
+    """One sampled realization of the queues of a problem; drawn for stations when they are first requested."""
 
     def __init__(self, problem: Problem, sample: int) -> None:
-        self._problem, self._sample = problem, sample
+        super().__init__(problem)
+        self._sample = sample
         self._found: dict[int, QueuePath] = {}
 
-    def __getitem__(self, node: int) -> QueuePath:
-        if node not in self._found:
-            self._found |= self._problem.queue_paths([node], self._sample)
-        return self._found[node]
-
-    def __iter__(self) -> Iterator[int]:
-        return iter(range(len(self)))
-
-    def __len__(self) -> int:
-        return len(self._problem.network)
+    def at(self, nodes: Iterable[int], until_s: float = math.inf) -> list[QueuePath]:
+        """Those of some nodes, over the whole horizon."""
+        del until_s
+        wanted = list(nodes)
+        missing = [node for node in wanted if node not in self._found]
+        if missing:
+            self._found |= self._problem.queue_paths(missing, self._sample)
+        return [self._found[node] for node in wanted]
 
     def with_path(self, node: int, path: QueuePath) -> SampledQueues:
         """Return the same with another queue at one station."""

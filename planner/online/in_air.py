@@ -257,9 +257,14 @@ class FlightDecision:
     def _weighed(
         self, options: Sequence[Option], reach: Reach, onward: Hindsight, before_s: float = math.inf
     ) -> list[Option]:
-        """Options with their expected arrivals, the earliest first; without those that cannot arrive before a time, or before the best."""
+        """Options with their expected arrivals, the earliest first; without those that cannot arrive before a time, or before the best.
+
+        On large networks without those that are not among the first that could arrive.
+        """
         goal, found = self._policy.request.destination, list[Option]()
-        for bound_s, number in sorted((earliest_s(reach, one, goal), number) for number, one in enumerate(options)):
+        large = len(reach.network) > self._policy.all_parameters.robust.large_network
+        bounds = sorted((earliest_s(reach, one, goal), number) for number, one in enumerate(options))
+        for bound_s, number in bounds[: self._parameters.weighed_options] if large else bounds:
             if bound_s >= before_s:
                 break
             found.append(replace(options[number], arrival_s=arriving(options[number], onward)))
