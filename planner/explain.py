@@ -207,7 +207,7 @@ def wait_and_see(answer: RobustAnswer, *, careful: bool = False) -> WaitAndSee |
 def _mean_of_best(problem: Problem, worlds: Sequence[tuple[Problem, float]]) -> tuple[float, int] | None:
     """Mean delivery time, s, of the exact planner in each member, for a problem and a margin of each, and how many have a route."""
     robust = problem.parameters.robust
-    limit_s = robust.reasons_s if len(problem.network) > robust.large_network else math.inf
+    limit_s = robust.reasons_s if robust.is_large(len(problem.network)) else math.inf
     times, weights = [], []
     for member, (told, margin) in enumerate(worlds):
         search = ExactSearch(

@@ -245,16 +245,20 @@ class GuidedSearch:
                     hard = one.is_hard
                     if one.has_ended and not hard:
                         return
-                if hard and not self._given_up and (self._answer is None or self._time_is_left):
-                    inner, narrow_guide, _ = narrow
-                    most = self._most_states(part) // (len(inner.nodes) * cells.length)
-                    finer = min(max(most, 2), self.parameters.finer)
-                    self._search_finer(inner, narrow_guide, needed, min(until, self._better_s), finer)
-                if hard and self._answer is not None and (self.best_s <= until or not self._time_is_left):
+                if hard and self._ends_finer(narrow[0], narrow[1], needed, until):
                     return
             if until >= min(deadline_s, self._better_s) or self._given_up:
                 return
             least = until
+
+    def _ends_finer(self, part: Subnetwork, guide: Guide, needed: NDArray[np.float64], until_s: float) -> bool:
+        """Search up to a deadline with still finer cells, where there is time; tells whether that is the end, by an answer or the clock."""
+        if self._given_up or (self._answer is not None and not self._time_is_left):
+            return True
+        most = self._most_states(part) // (len(part.nodes) * guide.cells.length)
+        ratio = min(max(most, 2), self.parameters.finer)
+        self._search_finer(part, guide, needed, min(until_s, self._better_s), ratio)
+        return self._answer is not None and (self.best_s <= until_s or not self._time_is_left)
 
     def _bound_by(
         self,

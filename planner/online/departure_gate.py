@@ -115,6 +115,11 @@ class DepartureGate:
             roughness=self._info.roughness,
         )  # fmt: skip
 
+    @cached_property
+    def _sigmas(self) -> float:
+        """Standard deviations that a flight in the air must be able to lose: more is lost with epsilon."""
+        return self._reach.belief.sigmas(1.0 - self._epsilon)
+
     def p_turned(self, step: Step) -> float:
         """Probability that a watched leg flown as a step prescribes turns back before the first station where it can land."""
         sure, reach, taken = self._leg(step)
@@ -134,10 +139,12 @@ class DepartureGate:
         return [one for one in found if one is not None]
 
     def kept_soc(self, step: Step) -> float:
-        """Charge above the reserve that a leg must be expected to end with, to be flown on over the last station on its way where it can land.
+        """Charge above the reserve that a leg must be expected to end with, to be flown on over the last station on its way where it can land; 0 where there is none.
 
         It is flown on where what is still unknown there breaks the reserve with epsilon at most.
         """
+        if not step.last:
+            return 0.0
         names, at_s = self._names(step), self._take_off_s(step)
         there, reach = self._way(names[: step.last + 1], at_s)
         flown = reach.to_the_end(there, at_s, climbs=True)
@@ -148,7 +155,7 @@ class DepartureGate:
         then = reach.belief.in_flight(first_soc * ratio, first_soc)
         wind_soc = ratio * float(reach.expected(onward.doubt))
         unknown = math.hypot(wind_soc, rest_soc * then.sd_between, SOC_SD)
-        return then.sigmas(1.0 - self._epsilon) * unknown + self._kept_at(names[-1]) - self._policy.request.reserve_soc
+        return self._sigmas * unknown + self._kept_at(names[-1]) - self._policy.request.reserve_soc
 
     def _leg(self, step: Step) -> tuple[tuple[str, ...], Reach, _Taken]:
         """Stations of a leg as far as it must be sure of it, what can be flown there, and what that takes."""
@@ -272,8 +279,7 @@ class DepartureGate:
         if not self._info.measures_wind:
             more = NormalDist().inv_cdf(1.0 - self._policy.parameters.p_begin) * taken.learnt
             return taken.cost * (1.0 + more), reserve, taken.doubt
-        belief = self._reach.belief
-        sigmas, ratio = belief.sigmas(1.0 - self._epsilon), belief.mean_ratio
+        sigmas, ratio = self._sigmas, self._reach.belief.mean_ratio
         known = np.sqrt(np.maximum(taken.doubt**2 - taken.rest**2, 0.0))
         return taken.cost + sigmas * np.hypot(taken.rest, taken.energy_soc / ratio), reserve, known
 

@@ -72,7 +72,7 @@ class Following:
         watched: bool = False,
         quick: bool = False,
     ) -> None:
-        self._large = len(problem.network) > problem.parameters.robust.large_network
+        self._large = problem.parameters.robust.is_large(len(problem.network))
         self._quick = quick and self._large
         self.parameters = online = problem.parameters.online
         sd = math.hypot(belief.sd_between / belief.mean_ratio, online.wind_spread if watched else 0.0)
@@ -207,9 +207,7 @@ class Following:
             soc = step.charge - used
             if count == len(step.segments) and step.last and not self._goes_on(step, future, off, soc, down):
                 continue
-            kept = self._doubt * used
-            if count == len(step.segments):
-                kept = max(kept, step.kept_soc)
+            kept = max(self._doubt * used, step.kept_soc if count == len(step.segments) else 0.0)
             if soc >= p.reserve + kept or (step.turn_back is not None and count == 1):
                 soc = max(soc, p.reserve)
                 if node == p.destination:

@@ -14,48 +14,21 @@ from skyway.models.base.units import S_PER_H
 from skyway.models.flight.kernels import NEVER
 from skyway.planner.online.turn_back import USUAL_FLIGHT_S
 from skyway.planner.problem.flight_table import FlightTable, ground_speeds, table_land, table_slot, table_slot_end
-from skyway.planner.problem.sampled_queues import AskedQueues
+from skyway.planner.problem.sampled_queues import SampledQueues
 from skyway.planner.problem.speeds import TrueSpeeds
 from skyway.planner.robust.uncertain_wind_kernels import careful_speeds, gust_mean
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
-
     from numpy.typing import NDArray
 
     from skyway.models.drones.energy_belief import EnergyBelief
     from skyway.models.flight.rules import SegmentWind
-    from skyway.models.queues.paths import QueuePath
     from skyway.planner.problem.problem import Problem
     from skyway.planner.robust.information_kernels import Known
 
 
 MAX_TABLE = 200_000
 """Speeds of one future that are computed at once, at most."""
-
-
-class SampledQueues(AskedQueues):
-    """One sampled realization of the queues of a problem; drawn for stations when they are first requested."""
-
-    def __init__(self, problem: Problem, sample: int) -> None:
-        super().__init__(problem)
-        self._sample = sample
-        self._found: dict[int, QueuePath] = {}
-
-    def at(self, nodes: Iterable[int], until_s: float = math.inf) -> list[QueuePath]:
-        """Those of some nodes, over the whole horizon."""
-        del until_s
-        wanted = list(nodes)
-        missing = [node for node in wanted if node not in self._found]
-        if missing:
-            self._found |= self._problem.queue_paths(missing, self._sample)
-        return [self._found[node] for node in wanted]
-
-    def with_path(self, node: int, path: QueuePath) -> SampledQueues:
-        """Return the same with another queue at one station."""
-        other = SampledQueues(self._problem, self._sample)
-        other._found = {**self._found, node: path}
-        return other
 
 
 class CarefulSpeeds:

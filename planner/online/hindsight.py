@@ -52,7 +52,7 @@ class Turning(Protocol):
         """Charges worth considering, because flights with them rarely turn back."""
 
     def kept_soc(self, step: Step) -> float:
-        """Charge above the reserve that a leg must be expected to end with, to be flown on over the last station on its way where it can land."""
+        """Charge above the reserve that a leg must be expected to end with, to be flown on over the last station on its way where it can land; 0 where there is none."""
 
 
 class Hindsight(Following):
@@ -196,10 +196,12 @@ class Hindsight(Following):
             if least > full:
                 continue
             wanted = np.quantile(charges[segments], self.parameters.charge_quantiles).tolist()
-            last = self._last_sure(segments)
-            kept = turning.kept_soc(Step(segments, p.soc, sure, last)) if turning is not None and last else 0.0
+            last, kept = self._last_sure(segments), 0.0
+            if turning is not None:
+                whole = Step(segments, p.soc, sure, last)
+                kept = turning.kept_soc(whole)
+                wanted += turning.charges(whole)
             wanted += self._takes(segments, kept) if self._watched else [self.need(segments, p.depart_s)]
-            wanted += turning.charges(Step(segments, p.soc, sure)) if turning is not None else []
             levels = np.clip(sorted(wanted), max(least, p.soc), full)
             before = -1.0
             for level in levels.tolist():

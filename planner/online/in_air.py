@@ -262,7 +262,7 @@ class FlightDecision:
         On large networks without those that are not among the first that could arrive.
         """
         goal, found = self._policy.request.destination, list[Option]()
-        large = len(reach.network) > self._policy.all_parameters.robust.large_network
+        large = self._policy.all_parameters.robust.is_large(len(reach.network))
         bounds = sorted((earliest_s(reach, one, goal), number) for number, one in enumerate(options))
         for bound_s, number in bounds[: self._parameters.weighed_options] if large else bounds:
             if bound_s >= before_s:

@@ -132,6 +132,10 @@ class RobustParameters(Parameters):
         0.05, "time limit of each exact search for a bound or a reason on large networks", 0, math.inf, unit="s"
     )
 
+    def is_large(self, stations: int) -> bool:
+        """Whether a network of so many stations is large."""
+        return stations > self.large_network
+
     def final_runs_of(self, stations: int) -> int:
         """Simulated deliveries behind the figures of an answer in a network of so many stations."""
-        return self.final_runs_large if stations > self.large_network else self.final_runs
+        return self.final_runs_large if self.is_large(stations) else self.final_runs

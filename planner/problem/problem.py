@@ -335,7 +335,7 @@ class Problem:
         """Sample `count` realisations of the other drones at each of some places, in order (place, realisation).
 
         The realisations of a stream differ from those of `queue_sets` and of other streams; a repeated request with the same count gives the same
-        ones. Times after `until_s`, of all or of each, shape (count,), may be missing.
+        ones. Times after `until_s`, of all or of each, shape (count,), may be missing: those after `QueueSamples.sampled_until`.
         """
         return self.queue_samples.many(self, nodes, stream, count, until_s)
 

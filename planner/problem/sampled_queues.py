@@ -41,10 +41,19 @@ class SampledQueues(AskedQueues):
     def __init__(self, problem: Problem, sample: int) -> None:
         super().__init__(problem)
         self._sample = sample
+        self._found: dict[int, QueuePath] = {}
 
     def at(self, nodes: Iterable[int], until_s: float = math.inf) -> list[QueuePath]:
         """Those of some nodes, over the whole horizon."""
         del until_s
         wanted = list(nodes)
-        found = self._problem.queue_paths(wanted, self._sample)
-        return [found[node] for node in wanted]
+        missing = [node for node in wanted if node not in self._found]
+        if missing:
+            self._found |= self._problem.queue_paths(missing, self._sample)
+        return [self._found[node] for node in wanted]
+
+    def with_path(self, node: int, path: QueuePath) -> SampledQueues:
+        """Return the same with another queue at one station."""
+        other = SampledQueues(self._problem, self._sample)
+        other._found = {**self._found, node: path}
+        return other

@@ -47,7 +47,7 @@ class Composer:
         self.parameters = problem.parameters.robust
         self.labels_expanded = 0
         """Labels expanded by the searches."""
-        self._large = len(problem.network) > self.parameters.large_network
+        self._large = self.parameters.is_large(len(problem.network))
         self._is_late = is_late
         self._composed: dict[tuple[object, ...], Itinerary | None] = {}
 
@@ -149,18 +149,9 @@ class Composer:
         route is stored: a quick search is followed by a whole one.
         """
         key = speeds, margin, allowed.tobytes(), most_labels  # other queues belong to other speeds
-        if key not in self._composed:
-            self._composed[key] = self._compose_now(speeds, queues, margin, allowed, most_labels)
-        return self._composed[key]
+        if key in self._composed:
+            return self._composed[key]
 
-    def _compose_now(
-        self,
-        speeds: MeanSpeeds,
-        queues: Mapping[int, QueuePath],
-        margin: float,
-        allowed: NDArray[np.bool_],
-        most_labels: float,
-    ) -> Itinerary | None:
         def find(part: Problem) -> tuple[Itinerary | None, float]:
             search = ExactSearch(
                 part,
@@ -175,7 +166,9 @@ class Composer:
             self.labels_expanded += search.labels_expanded
             return found, search.best_s
 
-        return _compose_through(self.problem, queues, find) if self.problem.must_stop else find(self.problem)[0]
+        p = self.problem
+        self._composed[key] = _compose_through(p, queues, find) if p.must_stop else find(p)[0]
+        return self._composed[key]
 
 
 def _compose_through(

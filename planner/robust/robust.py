@@ -82,7 +82,7 @@ class RobustSearch:
         self.complete = True
         """Whether the comparison is complete."""
         self._end_at = end_at
-        self._large = len(problem.network) > self.parameters.large_network
+        self._large = self.parameters.is_large(len(problem.network))
         self._composer = Composer(self.problem, self.errors, self._late)
         self._simulated = 0
         self._known: dict[tuple[object, ...], tuple[Candidate, NDArray[np.float64]]] = {}

@@ -4,6 +4,7 @@ import resource
 import subprocess
 import sys
 import textwrap
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,6 +12,8 @@ from tlog_factory import START_US, Recorder, counted_by_pymavlink, mixed_log
 
 from skyway.link.logs.tlog.tlog import ScanState, read_frames, scan
 from skyway.models.base.errors import InputError
+
+ROOT = Path(__file__).resolve().parents[3]
 
 pytestmark = pytest.mark.filterwarnings("ignore")  # pymavlink's own
 
@@ -128,13 +131,13 @@ def test_memory_does_not_grow_with_the_log(tmp_path):
             for _ in range(repeat):
                 stream.write(unit)
         script = textwrap.dedent(f"""
-            import resource
             from pathlib import Path
+            from benchmarks.tables.memory import peak_memory_mb
             from skyway.link.logs.tlog.tlog import scan
             scan(Path({str(path)!r}))
-            print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024)
+            print(peak_memory_mb())
         """)
-        answer = subprocess.run([sys.executable, "-c", script], check=True, capture_output=True, text=True)
+        answer = subprocess.run([sys.executable, "-c", script], cwd=ROOT, check=True, capture_output=True, text=True)
         return float(answer.stdout)
 
     assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss > 0
