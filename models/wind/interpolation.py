@@ -19,10 +19,13 @@ def idw_weights(lat: ArrayLike, lon: ArrayLike, site_lat: ArrayLike, site_lon: A
 
     Source: D. Shepard, "A two-dimensional interpolation function for irregularly-spaced data", 1968.
     """
-    points = (np.atleast_1d(np.asarray(values, dtype=np.float64))[:, None] for values in (lat, lon))
-    places = (np.asarray(values, dtype=np.float64)[None, :] for values in (site_lat, site_lon))
-    distance, _ = geodesy.inverse(*points, *places)
-    return weights_at(distance)
+    points, sites = spatial(lat, lon), spatial(site_lat, site_lon)
+    return weights_at(geodesy.spatial_distance_m(points[:, None], sites))
+
+
+def spatial(lat: ArrayLike, lon: ArrayLike) -> NDArray[np.float64]:
+    """Places, degrees, in space (`models.base.geodesy.earth_xyz`), m, shape (places, 3)."""
+    return geodesy.earth_xyz(np.column_stack([np.atleast_1d(np.asarray(one, dtype=np.float64)) for one in (lat, lon)]))
 
 
 def site_weights(
@@ -59,7 +62,11 @@ def _hats(place: NDArray[np.float64], nodes: NDArray[np.float64]) -> NDArray[np.
 
 def weights_at(distance_m: NDArray[np.float64]) -> NDArray[np.float64]:
     """The same from distances, metres, shape (points, sites)."""
-    nearest = distance_m.min(axis=1, keepdims=True)
-    ratio = np.maximum(nearest, 1e-3) / np.maximum(distance_m, 1e-3)
-    weights = np.where(nearest <= 1e-3, distance_m == nearest, ratio**2)
-    return np.asarray(weights / weights.sum(axis=1, keepdims=True))
+    weights = np.square(np.maximum(distance_m, 1e-3))
+    np.divide(1.0, weights, out=weights)
+    weights /= weights.sum(axis=1, keepdims=True)
+    at_site = np.flatnonzero((distance_m <= 1e-3).any(axis=1))
+    if len(at_site):
+        there = distance_m[at_site] == distance_m[at_site].min(axis=1, keepdims=True)
+        weights[at_site] = there / there.sum(axis=1, keepdims=True)
+    return np.asarray(weights)

@@ -324,10 +324,10 @@ class Problem:
         return self.queue_sets(nodes, [sample], seed)[0]
 
     def queue_sets(
-        self, nodes: Iterable[int], samples: Sequence[int], seed: int | None = None
+        self, nodes: Iterable[int], samples: Sequence[int], seed: int | None = None, until_s: float = math.inf
     ) -> list[dict[int, QueuePath]]:
-        """Several sampled realisations of the other drones at each of some stations."""
-        return self.queue_samples.sets(self, nodes, samples, self.request.seed if seed is None else seed)
+        """Several sampled realisations of the other drones at each of some stations; what happens after `until_s` may be missing."""
+        return self.queue_samples.sets(self, nodes, samples, self.request.seed if seed is None else seed, until_s)
 
     def many_queues(
         self, nodes: Sequence[int], stream: int, count: int, until_s: float | NDArray[np.float64] = math.inf

@@ -30,23 +30,28 @@ class QueueSamples:
 
     def __init__(self, hours: float) -> None:
         self._hours = hours
-        self._sets: dict[tuple[int, int], dict[int, QueuePath]] = {}
+        self._sets: dict[tuple[int, int], dict[int, tuple[float, QueuePath]]] = {}
         self._many: dict[tuple[int, int, int], dict[int, tuple[NDArray[np.float64], PackedPaths]]] = {}
 
-    def sets(self, p: Problem, nodes: Iterable[int], samples: Sequence[int], seed: int) -> list[dict[int, QueuePath]]:
-        """Return some realizations of the other drones at each of some stations."""
+    def sets(
+        self, p: Problem, nodes: Iterable[int], samples: Sequence[int], seed: int, until_s: float = math.inf
+    ) -> list[dict[int, QueuePath]]:
+        """Return some realizations of the other drones at each of some stations.
+
+        What happens after `until_s` may be missing.
+        """
         wanted = list(dict.fromkeys(nodes))
+        until_s = until_s if until_s < p.depart_s + self._hours * S_PER_H else math.inf
         kept = [self._sets.setdefault((seed, sample), {}) for sample in samples]
-        missing = [node for node in wanted if any(node not in paths for paths in kept)]
+        nothing = -math.inf, no_queue()
+        missing = [node for node in wanted if any(paths.get(node, nothing)[0] < until_s for paths in kept)]
         if missing:
-            with_pads = [node for node in missing if p.has_pads(node)]
-            lacking = [number for number, paths in enumerate(kept) if any(node not in paths for node in missing)]
-            seeds = [(seed, samples[number]) for number in lacking]
+            seeds = [(seed, sample) for sample in samples]
             pads, spots, hours = p.network.pads, p.holding_spots, self._hours
-            found = sample_sets(p.load, pads, spots, with_pads, p.depart_s, hours, seeds, p.busy, p.pads_free_s)
-            for number, paths in zip(lacking, found, strict=True):
-                kept[number].update({node: p.while_open(node, paths.get(node) or no_queue()) for node in missing})
-        return [{node: paths[node] for node in wanted} for paths in kept]
+            found = sample_sets(p.load, pads, spots, missing, p.depart_s, hours, seeds, p.busy, p.pads_free_s, until_s)
+            for known, paths in zip(kept, found, strict=True):
+                known |= {node: (until_s, p.while_open(node, paths[node])) for node in missing}
+        return [{node: paths[node][1] for node in wanted} for paths in kept]
 
     def many(
         self, p: Problem, nodes: Sequence[int], stream: int, count: int, until_s: float | NDArray[np.float64]

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from skyway.models.queues.paths import QueuePath
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
+    from collections.abc import Iterable, Sequence
 
     from skyway.planner.problem.problem import Problem
 
@@ -36,24 +36,43 @@ class AskedQueues(Mapping[int, QueuePath], ABC):
 
 
 class SampledQueues(AskedQueues):
-    """One realization of the other drones at every station: that of `Problem.queue_paths`, whichever are requested first."""
+    """One realization of the other drones at every station: that of `Problem.queue_paths`, whichever are requested first.
 
-    def __init__(self, problem: Problem, sample: int) -> None:
+    Those `among` which it is are sampled together, station by station.
+    """
+
+    def __init__(self, problem: Problem, sample: int, among: SampledSets | None = None) -> None:
         super().__init__(problem)
-        self._sample = sample
-        self._found: dict[int, QueuePath] = {}
+        self._sample, self._among = sample, among or SampledSets(problem, [sample])
+        self._given: dict[int, QueuePath] = {}
 
     def at(self, nodes: Iterable[int], until_s: float = math.inf) -> list[QueuePath]:
-        """Those of some nodes, over the whole horizon."""
-        del until_s
+        """Those of some nodes; what happens after some time may be missing."""
         wanted = list(nodes)
-        missing = [node for node in wanted if node not in self._found]
-        if missing:
-            self._found |= self._problem.queue_paths(missing, self._sample)
-        return [self._found[node] for node in wanted]
+        found = self._among.at(wanted, until_s)[self._sample]
+        return [self._given.get(node) or found[node] for node in wanted]
 
     def with_path(self, node: int, path: QueuePath) -> SampledQueues:
         """Return the same with another queue at one station."""
-        other = SampledQueues(self._problem, self._sample)
-        other._found = {**self._found, node: path}
+        other = SampledQueues(self._problem, self._sample, self._among)
+        other._given = self._given | {node: path}
         return other
+
+
+class SampledSets:
+    """Some realizations of the other drones at every station, sampled together for the stations that a search asks for."""
+
+    def __init__(self, problem: Problem, samples: Sequence[int]) -> None:
+        self._problem, self._samples = problem, samples
+        self._until_s: dict[int, float] = {}
+        self._paths: dict[int, dict[int, QueuePath]] = {sample: {} for sample in samples}
+
+    def at(self, nodes: Iterable[int], until_s: float) -> dict[int, dict[int, QueuePath]]:
+        """Return the paths of each realization by node, at some nodes at least, at least until some time."""
+        missing = [node for node in nodes if self._until_s.get(node, -math.inf) < until_s]
+        if missing:
+            found = self._problem.queue_sets(missing, self._samples, until_s=until_s)
+            for sample, paths in zip(self._samples, found, strict=True):
+                self._paths[sample] |= paths
+            self._until_s |= dict.fromkeys(missing, until_s)
+        return self._paths

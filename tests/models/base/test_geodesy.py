@@ -20,6 +20,14 @@ def apart_deg(a: float, b: float) -> float:
     return abs((a - b + 180.0) % 360.0 - 180.0)
 
 
+@given(LAT, LON, st.floats(0.0, 360.0), st.floats(1.0, 1.5e6))
+def test_distances_over_chords_are_karneys_to_some_millionths(lat, lon, bearing, length_m):
+    there = KARNEY.Direct(lat, lon, bearing, length_m)
+    points = geodesy.earth_xyz(np.array([(lat, lon), (there["lat2"], there["lon2"])]))
+    within = 4e-6 if length_m <= 5e5 else 4e-5
+    assert geodesy.spatial_distance_m(points[0], points[1]) == pytest.approx(length_m, rel=within, abs=1e-6)
+
+
 @given(LAT, LON, LAT, LON)
 def test_any_distance_is_karneys_to_a_millimetre(lat1, lon1, lat2, lon2):
     truth = KARNEY.Inverse(lat1, lon1, lat2, lon2)

@@ -12,10 +12,11 @@ from hypothesis import strategies as st
 from benchmarks.cases.loads import scaled_to
 from skyway.models.queues.load import PadLoad
 from skyway.models.queues.paths import QueuePath, expected_paths, joined, no_queue, pack, spliced
-from skyway.models.queues.sampling import sample_many, sample_path, sample_sets, sampled_waits
-from skyway.models.queues.sampling_kernels import lived, lived_sets
+from skyway.models.queues.sampling import sample_many, sample_sets, sampled_waits
+from skyway.models.queues.sampling_kernels import lived_sets
 from skyway.models.queues.waiting_times import STEP_S, forecast_waits
 from tests.plain_deviates import plain_exponentials
+from tests.sampled_paths import sample_path
 
 NEW_YORK = "America/New_York"
 HOUR = 3600.0
@@ -197,12 +198,13 @@ def test_spliced_paths_are_those_that_were_chosen():
             assert np.array_equal(getattr(one, name), getattr(expected, name))
 
 
-def served_one_by_one(key, present, pads=3, spots=2, start_s=8 * HOUR, end_s=18 * HOUR):
-    """Three arrivals an hour, an hour on a pad on average: who came, when a pad and a place would be free for ours, who was there, who left."""
+def served_one_by_one(key, present, pads=3, spots=2, hourly=3.0, known=(), start_s=8 * HOUR, end_s=18 * HOUR):
+    """Some arrivals an hour, an hour on a pad on average: who came, when a pad and a place would be free for ours, who was there, who left."""
     deviates = plain_exponentials(key)
     free = [-math.inf] * pads
     for pad in range(min(present, pads)):
-        free[pad] = start_s + HOUR * next(deviates)
+        lasts = HOUR * next(deviates)
+        free[pad] = known[pad] if pad < len(known) else start_s + lasts
     later = [one for one in free if one > start_s]
     waiting, there, now = max(present - pads, 0), len(later), start_s
     came, began, ready = [], [], []
@@ -210,7 +212,7 @@ def served_one_by_one(key, present, pads=3, spots=2, start_s=8 * HOUR, end_s=18 
         pad = min(range(pads), key=free.__getitem__)
         ready.append(free[pad])
         if len(came) >= waiting:
-            now += HOUR / 3.0 * next(deviates)
+            now += HOUR / hourly * next(deviates)
             if now > end_s:
                 break
         elif len(came) < waiting:
@@ -221,7 +223,9 @@ def served_one_by_one(key, present, pads=3, spots=2, start_s=8 * HOUR, end_s=18 
         later.append(free[pad])
     pad_s = ready[waiting:]
     ahead = [waiting + k - spots for k in range(len(pad_s))]
-    land_s = [min(at, began[k]) if k >= 0 else -math.inf for at, k in zip(pad_s, ahead, strict=True)]
+    land_s = (
+        [min(at, began[k]) if k >= 0 else -math.inf for at, k in zip(pad_s, ahead, strict=True)] if spots else pad_s
+    )
     return came[waiting:], pad_s, land_s, there, sorted(later)
 
 
@@ -231,15 +235,29 @@ def test_paths_sampled_at_once_are_the_same_again_and_each_is_that_of_its_deviat
     for name in ("offset", "arrival_s", "pad_s", "land_s", "delay_s", "present", "left_offset", "left_s"):
         assert np.array_equal(getattr(one, name), getattr(again, name))
     assert not np.array_equal(one.arrival_s, other.arrival_s)
-    keys = np.random.default_rng(3).integers(0, 2**64, 6, dtype=np.uint64)
-    station = 3, 2, (np.full(20, 3.0 / HOUR), np.full(20, 1.0 / HOUR))
-    present, ends = np.array([0, 2, 3, 9, 300, 0]), HOUR * np.array([18.0, 18.0, 18.0, 9.0, 30.0, 200.0])
+
+
+def test_paths_of_several_stations_are_those_of_their_deviates():
+    pads, spots, hourly = [3, 1, 5], [2, 0, 4], [3.0, 0.9, 6.0]
+    known = [[], [9.5 * HOUR], [8.2 * HOUR, 9 * HOUR]]
+    keys = np.random.default_rng(3).integers(0, 2**64, 18, dtype=np.uint64)
+    present = np.array([0, 2, 3, 9, 300, 0] * 3)
+    ends = HOUR * np.array([18.0, 18.0, 18.0, 9.0, 30.0, 200.0] * 3)
+    rates = np.repeat(np.array(hourly)[:, None] / HOUR, 20, axis=1), np.full((3, 20), 1.0 / HOUR)
+    told = np.array([[0.0, 0.0], [9.5 * HOUR, 0.0], [8.2 * HOUR, 9 * HOUR]]), np.array([0, 1, 2])
     offset, arrival, pad, land, there, left_offset, left = lived_sets(
-        keys, *station, (0.0, 8 * HOUR), ends, present, np.empty(0)
+        keys, (np.array(pads), np.array(spots)), rates, (0.0, 8 * HOUR), ends, present, told
     )
-    for number in range(6):
+    for number in range(18):
+        station = number // 6
         came, pad_s, land_s, begin, later = served_one_by_one(
-            int(keys[number]), int(present[number]), end_s=float(ends[number])
+            int(keys[number]),
+            int(present[number]),
+            pads[station],
+            spots[station],
+            hourly[station],
+            known[station],
+            end_s=float(ends[number]),
         )
         part = slice(offset[number], offset[number + 1])
         assert arrival[part][0] == -math.inf
@@ -248,9 +266,22 @@ def test_paths_sampled_at_once_are_the_same_again_and_each_is_that_of_its_deviat
         assert land[part] == pytest.approx(land_s, rel=1e-12)
         assert there[number] == begin
         assert left[left_offset[number] : left_offset[number + 1]] == pytest.approx(later, rel=1e-12)
-        alone = lived(keys[number], *station, (0.0, 8 * HOUR, ends[number]), present[number], np.empty(0))
-        assert np.array_equal(alone[0], arrival[part][1:])
-        assert np.array_equal(alone[4], left[left_offset[number] : left_offset[number + 1]])
+
+
+@settings(max_examples=30, deadline=None)
+@given(st.integers(0, 10**6), st.floats(-1.0, 13.0), st.lists(st.floats(0.0, 13.0), min_size=1, max_size=20))
+def test_paths_sampled_until_some_time_are_those_of_the_whole_horizon_up_to_then(seed, until_h, asked_h):
+    load = steady_load(0.9, 5)
+    seeds, until_s = [(seed, 0), (seed, 1)], START + until_h * HOUR
+    whole = sample_sets(load, FIVE, FOUR, range(5), START, 12, seeds, {2: 7})
+    part = sample_sets(load, FIVE, FOUR, range(5), START, 12, seeds, {2: 7}, until_s=until_s)
+    arrival = START + HOUR * np.array(asked_h)
+    arrival = arrival[arrival <= until_s]
+    for one, other in zip(whole, part, strict=True):
+        for station in range(5):
+            assert np.array_equal(one[station].pad_time(arrival), other[station].pad_time(arrival))
+            assert np.array_equal(one[station].land_time(arrival), other[station].land_time(arrival))
+            assert (other[station].arrival_s <= max(until_s, START)).all()
 
 
 def test_others_arrive_at_the_rate_of_each_hour():

@@ -10,7 +10,6 @@ from hypothesis import strategies as st
 
 from skyway.models.composition.composition import State
 from skyway.models.queues.load import PadLoad, hours_of_week
-from skyway.models.queues.sampling import sample_path
 from skyway.planner.problem.problem import HORIZON_H, Problem
 from skyway.planner.problem.request import Request
 from skyway.planner.robust.free_capacity import (
@@ -23,6 +22,7 @@ from skyway.planner.robust.free_capacity import (
 )
 from skyway.planner.robust.free_capacity_kernels import FreeCapacity, chance_full, expected, is_room
 from tests.planner.worlds import make_request, make_wind, make_world
+from tests.sampled_paths import sample_path
 
 DEPART = datetime(2013, 7, 10, 18, tzinfo=UTC)
 
