@@ -52,6 +52,8 @@ class LeftOut(Study):
 
     longest_min: float = 60.0
     """Orders whose fixed route takes longer on average are not flown."""
+    shortest_min: float = 0.0
+    """Nor those whose fixed route takes less."""
 
 
 def flown(study: LeftOut, order: Order, chosen: Sequence[World]) -> Iterator[dict[str, Any]]:
@@ -62,8 +64,8 @@ def flown(study: LeftOut, order: Order, chosen: Sequence[World]) -> Iterator[dic
     for world in chosen:
         if world.kept_back not in simulated:
             plan = planning.planned(study.city, order, (), world.kept_back)
-            short = plan is not None and plan.promise.mean_s <= 60.0 * study.longest_min
-            simulated[world.kept_back] = promise.simulated(plan, study.days) if plan is not None and short else None
+            asked = plan is not None and study.shortest_min <= plan.promise.mean_s / 60.0 <= study.longest_min
+            simulated[world.kept_back] = promise.simulated(plan, study.days) if plan is not None and asked else None
         promised = simulated[world.kept_back]
         document: dict[str, Any] = {"world": world.name, "order": asdict(order), "flown": promised is not None}
         if promised is not None:
@@ -139,6 +141,7 @@ def main(argv: list[str] | None = None) -> int:
     parser.add_argument(
         "--longest", type=float, default=60.0, help="orders whose fixed route takes so long on average at most, min"
     )
+    parser.add_argument("--shortest", type=float, default=0.0, help="and at least, min")
     parser.add_argument("--seed", type=int, default=150)
     parser.add_argument(
         "--out", type=Path, help="JSON lines, one for each request and world; what is there is not flown again"
@@ -146,7 +149,10 @@ def main(argv: list[str] | None = None) -> int:
     options = parser.parse_args(argv)
     known = worlds(tuple(site.id for site in planning.city(options.city).sites))
     chosen = [known[name] for name in options.worlds.split(",")]
-    study = LeftOut(options.city, "fly", options.requests, options.days, 1, options.seed, longest_min=options.longest)
+    study = LeftOut(
+        options.city, "fly", options.requests, options.days, 1, options.seed,
+        longest_min=options.longest, shortest_min=options.shortest,
+    )  # fmt: skip
     found = read_lines(options.out, study) if options.out is not None else []
     done = {(one["world"], one["order"]["seed"]) for one in found}
     for order in orders(study):
