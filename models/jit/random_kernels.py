@@ -7,10 +7,14 @@ deviates are quantiles: Wichura, "Algorithm AS 241: the percentage points of the
 from __future__ import annotations
 
 import math
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from skyway.models.jit.compiled import compiled_lean
+from skyway.models.jit.compiled import compiled, compiled_lean
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
 
 GOLDEN = np.uint64(0x9E3779B97F4A7C15)
 MIX_1 = np.uint64(0xBF58476D1CE4E5B9)
@@ -31,6 +35,18 @@ def mixed(z: np.uint64) -> np.uint64:
 def _number(key: np.uint64, counter: int) -> np.uint64:
     """Return the 64 bits of a key and a counter."""
     return mixed(key + np.uint64(counter) * GOLDEN)
+
+
+@compiled
+def numbers(key: np.uint64, counters: NDArray[np.int64]) -> NDArray[np.uint64]:
+    """Return the 64 bits of a key and each of some counters, shape (counters,).
+
+    Takes any key and counters.
+    """
+    out = np.empty(len(counters), dtype=np.uint64)
+    for k in range(len(counters)):
+        out[k] = _number(key, counters[k])
+    return out
 
 
 @compiled_lean

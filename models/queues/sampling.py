@@ -7,12 +7,12 @@ The other drones follow the model of `models.queues.waiting_times`: Poisson arri
 from __future__ import annotations
 
 import math
-from itertools import product
 from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 
 from skyway.models.base.units import S_PER_H
+from skyway.models.jit.random_kernels import numbers
 from skyway.models.queues.paths import PackedPaths, QueuePath, no_queue, pack
 from skyway.models.queues.sampling_kernels import lived_sets
 from skyway.models.queues.waiting_times import STEP_S, TAIL_H, WaitForecast, present_at
@@ -45,7 +45,7 @@ def sample_sets(
 ) -> list[dict[int, QueuePath]]:
     """Sample a set of paths, one for each of several stations, for each of several seeds.
 
-    Each station draws from a stream of its own, made from the seed and its index, so that it gets the same
+    The deviates of each station are functions of the seed and its index, so that it gets the same
     path whichever other stations are requested. If the pads were not seen, the path begins with a number of drones
     drawn from the distribution of `models.queues.waiting_times.settled`.
 
@@ -78,23 +78,33 @@ def sample_sets(
         return [dict.fromkeys(stations, no_queue()) for _ in seeds]
     nobody_saw = [station for station in with_pads if station not in busy]
     shares = dict(zip(nobody_saw, present_at(load, nobody_saw, pads[nobody_saw].tolist(), start_s), strict=True))
-    keys = np.empty(len(with_pads) * len(seeds), dtype=np.uint64)
-    present = np.empty(len(keys), dtype=np.int64)
-    for number, (station, seed) in enumerate(product(with_pads, seeds)):
-        rng = np.random.Generator(np.random.PCG64(np.random.SeedSequence(seed, spawn_key=(station,))))
+    keys, uniform = _drawn(seeds, np.array(with_pads))
+    present = np.empty(keys.shape, dtype=np.int64)
+    for number, station in enumerate(with_pads):
         share = shares.get(station)
-        if share is None:
-            present[number] = busy[station]
-        else:
-            present[number] = np.searchsorted(share, rng.random() * share[-1], side="right")
-        keys[number] = rng.integers(0, 2**64, dtype=np.uint64)
+        present[number] = (
+            busy[station] if share is None else np.searchsorted(share, uniform[number] * share[-1], side="right")
+        )
     places = with_pads, pads[with_pads], holding_spots[with_pads]
-    found = _lived(keys, load, places, (start_s, hours), until_s, present, free_s or {})
+    found = _lived(keys.ravel(), load, places, (start_s, hours), until_s, present.ravel(), free_s or {})
     place = {station: number * len(seeds) for number, station in enumerate(with_pads)}
     return [
         {station: found[place[station] + one] if station in place else no_queue() for station in stations}
         for one in range(len(seeds))
     ]
+
+
+def _drawn(seeds: Sequence[int | Sequence[int]], stations: Integers) -> tuple[NDArray[np.uint64], Floats]:
+    """Return a key and a uniform deviate in (0, 1) for each station and seed, shape (stations, seeds) each.
+
+    Whichever other stations there are: both are functions of seed and station.
+    """
+    bits = np.empty((2, len(stations), len(seeds)), dtype=np.uint64)
+    for column, seed in enumerate(seeds):
+        (key,) = np.random.SeedSequence(seed).generate_state(1, np.uint64)
+        for which in range(2):
+            bits[which, :, column] = numbers(key, 2 * stations + which)
+    return bits[0], ((bits[1] >> np.uint64(11)) + 0.5) / 2.0**53
 
 
 def sampled_waits(

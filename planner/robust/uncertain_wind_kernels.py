@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from skyway.models.flight.kernels import along_across, cross, forward_mps, segment_speed, slot_of, slots_of, wind_on
+from skyway.models.flight.kernels import along_across, cross, forward_mps, slot_of, slots_of, speed_in, wind_on
 from skyway.models.jit.compiled import compiled, compiled_lean
 from skyway.models.wind.gusts import gust_mean_variance
 from skyway.models.wind.triangle import MIN_GROUND_SPEED_MPS
@@ -42,6 +42,12 @@ def wind_felt(air: SegmentWind, member: int, slot: int, segment: int) -> tuple[f
     tangent of the crab angle t = c / sqrt(S^2 - c^2). Returned are v, a - c t, and c + a t times `LATERAL`.
     """
     north, east = wind_on(air, member, slot, segment)
+    return felt_in(air, segment, north, east)
+
+
+@compiled_lean
+def felt_in(air: SegmentWind, segment: int, north: float, east: float) -> tuple[float, float, float]:
+    """Return `wind_felt` in a wind (north, east), m/s."""
     along, across = along_across(north, east, air.cos_bearing[segment], air.sin_bearing[segment])
     forward = forward_mps(air.airspeed_mps, across)
     crab = across / max(forward, MIN_GROUND_SPEED_MPS)
@@ -112,8 +118,12 @@ def careful_speeds(
     out = np.zeros((len(slots), len(segments)))
     for row in range(len(slots)):
         for column in range(len(segments)):
-            if segment_speed(air, member, slots[row], segments[column]) > 0.0:
-                speed, with_wind, across_wind = wind_felt(air, member, slots[row], segments[column])
-                felt = math.hypot(with_wind, across_wind)
+            segment = segments[column]
+            if air.shut[slots[row], air.shut_of[segment]]:
+                continue
+            north, east = wind_on(air, member, slots[row], segment)
+            if speed_in(air, segment, north, east) > 0.0:
+                speed, with_wind, across_wind = felt_in(air, segment, north, east)
+                felt = math.sqrt(with_wind * with_wind + across_wind * across_wind)
                 out[row, column] = min(max(speed - gust * felt, MIN_GROUND_SPEED_MPS), air.max_ground_speed_mps)
     return out

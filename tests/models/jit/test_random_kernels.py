@@ -7,8 +7,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.stats import expon, kstest, norm
 
-from skyway.models.jit.random_kernels import exponential, mixed, normals
-from tests.plain_deviates import GOLDEN, MASK, plain_exponential, plain_normals
+from skyway.models.jit.random_kernels import exponential, mixed, normals, numbers
+from tests.plain_deviates import GOLDEN, MASK, plain_exponential, plain_normals, scrambled
 
 
 def test_numbers_are_those_that_were_published():
@@ -22,6 +22,12 @@ def test_numbers_are_those_that_were_published():
 def test_deviates_are_quantiles_of_the_numbers(key, counter):
     assert np.abs(np.array(normals(np.uint64(key), counter)) - plain_normals(key, counter)).max() < 1e-6
     assert math.isclose(exponential(np.uint64(key), counter), plain_exponential(key, counter), rel_tol=1e-12)
+
+
+def test_numbers_of_several_counters_are_those_of_each():
+    counters = np.array([0, 7, -1, 2**40])
+    found = numbers(np.uint64(99), counters)
+    assert [int(one) for one in found] == [scrambled(99, counter) for counter in counters.tolist()]
 
 
 def test_deviates_have_their_distributions_and_are_independent():

@@ -14,7 +14,7 @@ from skyway.models.queues.load import PadLoad
 from skyway.models.queues.paths import QueuePath, expected_paths, joined, no_queue, pack, spliced
 from skyway.models.queues.sampling import sample_many, sample_sets, sampled_waits
 from skyway.models.queues.sampling_kernels import lived_sets
-from skyway.models.queues.waiting_times import STEP_S, forecast_waits
+from skyway.models.queues.waiting_times import STEP_S, forecast_waits, present_at
 from tests.plain_deviates import plain_exponentials
 from tests.sampled_paths import sample_path
 
@@ -140,6 +140,22 @@ def test_a_station_gets_the_same_path_whatever_other_stations_are_asked_for():
     assert not np.array_equal(all_of_them[2].arrival_s, all_of_them[3].arrival_s)
     member = sample_sets(load, FIVE, FOUR, [3], START, 12, [(7, 1)], {})[0]
     assert not np.array_equal(member[3].arrival_s, alone[3].arrival_s)
+
+
+def test_stations_and_seeds_are_independent_and_begin_as_the_forecast_says():
+    load, pads = steady_load(0.9, 40), np.full(40, 5)
+    sets = sample_sets(load, pads, np.full(40, 4), range(40), START, 4, [(3, number) for number in range(250)], {})
+    present = np.array([[paths[station].present for station in range(40)] for paths in sets])
+    (share,) = present_at(load, [0], [5], START)
+    expected = np.diff(share, prepend=0.0)
+    for drones in range(8):
+        error = math.sqrt(expected[drones] * (1.0 - expected[drones]) / present.size)
+        assert (present == drones).mean() == pytest.approx(expected[drones], abs=4.5 * error)
+    waits = np.array([[float(paths[station].pad_time(START)) for station in range(40)] for paths in sets]) - START
+    for table in (present, waits):
+        between = np.corrcoef(table)[np.triu_indices(250, 1)], np.corrcoef(table.T)[np.triu_indices(40, 1)]
+        assert abs(between[0].mean()) < 0.01
+        assert abs(between[1].mean()) < 0.02
 
 
 @pytest.mark.parametrize("busy", [{}, {0: 8}])
