@@ -57,7 +57,7 @@ def plan_within(
     The drone waits at its origin until then, and is charged there. The window begins at the time of the request and
     lasts up to a day. `forecast` gives the forecast for a departure, by default the scenario's; `progress` is called with how
     many of how many departures have been tried. Returns the plan for the best departure, and all departures tried, in
-    order.
+    order; none from the deadline on.
 
     An `InputError` refuses another window and a drone in the air; where no departure has a route, the `InfeasibleError`
     is the first's.
@@ -77,6 +77,10 @@ def plan_within(
     tried = []
     for number in range(count):
         depart = request.state.time + timedelta(seconds=number * step)
+        if number and request.objective.deadline is not None and depart >= request.objective.deadline:
+            if progress is not None:
+                progress(count, count)
+            break  # who leaves then is late
         moved = replace(request, state=replace(request.state, time=depart))
         wind = forecast(depart) if forecast is not None else scenario.forecast(depart, HORIZON_H)
         try:

@@ -16,6 +16,7 @@ from skyway.models.base.formatting import (
     energy_text,
     from_to,
     headline,
+    kept_share,
     kilometres,
     percent,
     place_text,
@@ -46,10 +47,12 @@ WIDE = 110
 """Characters of a line of notes."""
 
 
-def briefing(composition: Composition, scenario: Scenario, contacts: Sequence[str] = ()) -> str:
-    """Return a page of HTML that needs nothing else; `contacts` are lines as typed."""
+def briefing(
+    composition: Composition, scenario: Scenario, contacts: Sequence[str] = (), caveats: Sequence[str] = ()
+) -> str:
+    """Return a page of HTML that needs nothing else; `contacts` are lines as typed, `caveats` come before the plan's own notes."""
     c, zone = composition, ZoneInfo(scenario.timezone)
-    first, last = c.stations[c.origin], c.stations[c.destination]
+    first, last, notes = c.stations[c.origin], c.stations[c.destination], (*caveats, *c.notes)
     text = (resources.files("skyway") / "briefing.html").read_text(encoding="utf-8")
     parts = {
         "title": safe(f"{c.origin} to {c.destination}"),
@@ -61,13 +64,13 @@ def briefing(composition: Composition, scenario: Scenario, contacts: Sequence[st
         "diverts": _diverts(c.there_and_back),
         "weather": _weather(c.there_and_back),
         "zones": _zones(c.there_and_back, scenario),
-        "notes": "".join(f"<li>{safe(note)}</li>" for note in c.notes) or "<li>none</li>",
+        "notes": "".join(f"<li>{safe(note)}</li>" for note in notes) or "<li>none</li>",
         "contacts": "".join(f"<li>{safe(line)}</li>" for line in contacts if line.strip())
         or "<li class='write'></li>" * 3,
         "made": safe(f"planner {c.planner}, scenario {scenario.name}, {(c.scenario_sha256 or '')[:12]}"),
     }
     lines = HEAD_LINES + 3 * len(c.there_and_back.services) + parts["diverts"].count("<tr>") + len(list(contacts))
-    lines += sum(1 + len(note) // WIDE for note in c.notes)
+    lines += sum(1 + len(note) // WIDE for note in notes)
     parts["zoom"] = f"{min(1.0, PAGE_LINES / lines):.2f}"
     for name, value in parts.items():
         text = text.replace(f"{{{{{name}}}}}", value)
@@ -95,10 +98,9 @@ def _legs(c: Composition, zone: ZoneInfo) -> str:
     rows: list[str] = []
     number = 0
     for part in c.parts:
-        stops = {stop.station: stop for stop in part.stops}
         for leg in part.services:
             number += 1
-            stop = stops.pop(leg.origin, None)
+            stop = part.stop_before(leg)
             if stop is not None:
                 doing = (
                     f"wait {duration(stop.wait_s)}, charge {duration(stop.recharge_s)} to {percent(stop.soc_to)}"
@@ -109,7 +111,7 @@ def _legs(c: Composition, zone: ZoneInfo) -> str:
             rows.append(
                 f"<tr><td>{clock(leg.depart, zone, c.depart)}</td><td>{number}</td><td>{safe(_way(leg))}</td><td>{kilometres(leg.distance_m)}</td>"
                 f"<td>{direction_text(leg.bearing_deg)}</td><td>{safe(leg.wind.range_text)} {safe(leg.wind.direction_text)}</td>"
-                f"<td>{duration(leg.flight_time_s)}</td><td>{from_to(leg.soc_depart, leg.soc_arrive)} %, {probability(leg.p_reserve)}</td></tr>"
+                f"<td>{duration(leg.flight_time_s)}</td><td>{from_to(leg.soc_depart, leg.soc_arrive)} %, {kept_share(leg.p_reserve, c.arrival.runs)}</td></tr>"
             )
         said = delivered_text(c) if part is c else end_text(part)
         rows.append(_stay(clock(part.arrive, zone, c.depart), f"{part.destination}: {said}"))

@@ -7,6 +7,7 @@
 from __future__ import annotations
 
 import os
+import time
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -117,6 +118,8 @@ def condition_forecast(
         if must_count and (observed.winds or observed.notes):
             raise nothing_counts(observed.winds, notes, depart)
         return KnownWind(forecast(depart, HORIZON_H), (), notes)
+    if any(one.observation.time_s > time.time() + NOW_S for one in chosen.winds):
+        notes += ("the observed wind is of a time still to come: the promise holds if the wind is so then",)
     found, doubts = conditioned(
         forecast, chosen.winds, depart, HORIZON_H, exponent=scenario.rules.wind_profile_exponent,
         residual=ResidualModel(tau_s=parameters.online.residual_tau_s), members=parameters.robust.members,

@@ -11,9 +11,9 @@ from skyway.models.base.formatting import (
     energy_text,
     later_text,
     money,
-    no_earlier,
     percent,
     probability,
+    promised,
     share,
     speed_text,
 )
@@ -92,11 +92,11 @@ def _as_flown_json(found: AsFlown, deadline: datetime | None) -> dict[str, objec
 def as_flown_words(found: AsFlown, deadline: datetime | None, due: str) -> list[str]:
     """Return when deliveries arrive as `fly` flies them, a line each; `due` is the deadline for people."""
     outcome = found.outcome
-    middle, late = outcome.delivery_quantile(0.5), outcome.delivery_quantile(0.95)
+    middle, late = promised(outcome.delivery_quantile(0.5), outcome.delivery_quantile(0.95))
     mean = outcome.delivery
     lines = [
         f"Flown with `skyway fly`, which decides again at each stop and in the air, in wind that no site measures ({found.runs:,} simulated deliveries):",
-        f"{about(mean)} on average ({between(mean)}), half within {about(middle)}, 95 % within {about(no_earlier(late, middle))} ({between(late)})",
+        f"{about(mean)} on average ({between(mean)}), half within {about(middle)}, 95 % within {about(late)} ({between(late)})",
     ]
     if deadline is not None:
         lines.append(f"On time, by {due}: {share(outcome.on_time(deadline.timestamp()))}")
@@ -112,7 +112,7 @@ def between_sites_words(found: BetweenSites, epsilon: float) -> list[str]:
     """Return how a plan fares in wind between the sites, line by line; nothing if the plan keeps its promise there."""
     if found.p_below <= epsilon:
         return []
-    late = no_earlier(found.turned.delivery_quantile(0.95), found.turned.delivery_quantile(0.5))
+    _, late = promised(found.turned.delivery_quantile(0.5), found.turned.delivery_quantile(0.95))
     unmeasured = f"No site measures the wind near {found.station} (error {speed_text(found.sd_mps)} per component)"
     turned = f"`skyway fly` measures the wind and turns back in time in {probability(found.p_turned)} of the deliveries"
     return [

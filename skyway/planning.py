@@ -145,7 +145,7 @@ class Conditions:
         if not given:
             alone = of_scenario and true is None and not scenario.has_forecast
             return KnownWind(forecast(depart, HORIZON_H), (), (HOW,) if alone else ()), true
-        found = observed_winds(scenario, given, depart, missing_ok=of_scenario)
+        found = observed_winds(scenario, given, min(self.instant, depart), missing_ok=of_scenario)
         return condition_forecast(scenario, forecast, found, depart, must_count=not of_scenario), true
 
 

@@ -19,7 +19,9 @@ STEPS_S = (1, 2, 5, 10, 30, 60, 120, 300, 600, 900, 1800, 3600, 7200, 10800, 216
 UNKNOWN = "unknown"
 """Text for a figure that is unknown or not finite."""
 SURE = 0.25
-"""A figure is rounded to a step of at least this share of its interval's half width."""
+"""A figure is rounded to a step of at least this share of its interval's half width,"""
+FINE = 0.1
+"""but of no more than this share of a time: what is known within a factor of four has two digits, too."""
 
 
 def is_known(value: float | None) -> TypeGuard[float]:
@@ -27,9 +29,15 @@ def is_known(value: float | None) -> TypeGuard[float]:
     return value is not None and math.isfinite(value)
 
 
-def step_for(half_width_s: float) -> int:
-    """Return the rounding step of a time, given the half width of its interval."""
-    return next((step for step in STEPS_S if step >= SURE * half_width_s), STEPS_S[-1])
+def step_for(half_width_s: float, most_s: float = math.inf) -> int:
+    """Return the rounding step of a time, given the half width of its interval; the largest up to `most_s` if that is less."""
+    wanted = next((step for step in STEPS_S if step >= SURE * half_width_s), STEPS_S[-1])
+    return max((step for step in STEPS_S if step <= min(wanted, most_s)), default=STEPS_S[0])
+
+
+def step_of(figure: Figure) -> int:
+    """Return the rounding step of a time with its interval."""
+    return step_for(figure.half_width, FINE * figure.value if figure.value > 0.0 else math.inf)
 
 
 def duration(seconds: float | None, *, signed: bool = False) -> str:
@@ -58,7 +66,7 @@ def about(figure: Figure) -> str:
     """Return a delivery time with as many digits as are certain: ``1 h 35 min``, ``19 min 30 s``."""
     if not _known(figure):
         return UNKNOWN
-    return _stepped(figure.value, step_for(figure.half_width))
+    return _stepped(figure.value, step_of(figure))
 
 
 def between(figure: Figure) -> str:
@@ -68,7 +76,8 @@ def between(figure: Figure) -> str:
     """
     if not _known(figure):
         return ""
-    below, above = step_for(figure.value - figure.low), step_for(figure.high - figure.value)
+    below = step_for(figure.value - figure.low, FINE * figure.low if figure.low > 0.0 else math.inf)
+    above = step_for(figure.high - figure.value, FINE * figure.high if figure.high > 0.0 else math.inf)
     low, high = below * math.floor(figure.low / below + 1e-9), above * math.ceil(figure.high / above - 1e-9)
     low_s, high_s = min(low, rounded_s(figure)), max(high, rounded_s(figure))  # with the value, as `about` writes it
     step = 1 if min(below, above) < 60 else 60
@@ -77,24 +86,35 @@ def between(figure: Figure) -> str:
 
 def rounded_s(figure: Figure) -> float:
     """Return the value in seconds as rounded by `about`."""
-    step = step_for(figure.half_width)
+    step = step_of(figure)
     return float(step * round(figure.value / step))
 
 
-def no_earlier(later: Figure, earlier: Figure) -> Figure:
-    """Return a time that is not shorter than another, even after rounding: rounded up if its own step would make it shorter."""
-    if not (_known(later) and _known(earlier)) or later.value < earlier.value or rounded_s(later) >= rounded_s(earlier):
-        return later
-    step = step_for(later.half_width)
-    more = step * math.ceil(rounded_s(earlier) / step) - later.value
-    return replace(later, value=later.value + more, low=later.low + more, high=later.high + more)  # same uncertainty
+def promised(*quantiles: Figure) -> list[Figure]:
+    """Return quantiles of a delivery time, ascending, as they are promised: rounded up, and none before the one before it."""
+    found: list[Figure] = []
+    least_s = 0.0
+    for one in quantiles:
+        if _known(one):
+            due_s = max(one.value, least_s)
+            step = step_of(_moved(one, due_s - one.value))
+            found.append(_moved(one, step * math.ceil(due_s / step - 1e-9) - one.value))
+            least_s = found[-1].value
+        else:
+            found.append(one)
+    return found
+
+
+def _moved(figure: Figure, more: float) -> Figure:
+    """Return a later time of the same uncertainty."""
+    return replace(figure, value=figure.value + more, low=figure.low + more, high=figure.high + more)
 
 
 def minutes(figure: Figure) -> str:
-    """Return a time for a table in minutes: ``95 ± 15``, ``33.0 ± 0.5``, ``17.5`` where nothing was sampled."""
+    """Return a time or a difference for a table in minutes: ``95 ± 15``, ``33.0 ± 0.5``, ``17.5`` where nothing was sampled."""
     if not _known(figure):
         return UNKNOWN
-    step = step_for(figure.half_width)
+    step = step_of(figure) if figure.low > 0.0 else step_for(figure.half_width)
     digits = 0 if step >= 60 else 1
     value = rounded_s(figure) / 60.0
     if figure.high <= figure.low:
@@ -135,6 +155,13 @@ def probability(fraction: float | None, digits: int = 0) -> str:
     if fraction > 0.0 and float(text) == 0.0:
         return f"<{10.0**-digits:g} %"
     return f"{text} %"
+
+
+def kept_share(p_kept: float | None, runs: int | None) -> str:
+    """Return the probability that a landing keeps the reserve; so many runs cannot show fewer than three failures in their number."""
+    if p_kept is not None and runs and p_kept >= 1.0 - 0.5 / runs:
+        return f">{100.0 - int(3000.0 / runs + 0.999) / 10.0:g} %"
+    return probability(p_kept)
 
 
 def spent(seconds: float) -> str:
@@ -250,11 +277,15 @@ def weekday_clock(instant: datetime, zone: tzinfo) -> str:
     return f"{instant.astimezone(zone):%a %H:%M}"
 
 
-def clock(instant: datetime, zone: tzinfo, since: datetime, *, seconds: bool = False) -> str:
-    """Local time of day, with the days since another instant where it is not the same day."""
-    local = instant.astimezone(zone)
-    days = (local.date() - since.astimezone(zone).date()).days
-    return f"{local:%H:%M:%S}"[: 8 if seconds else 5] + (f" +{days}d" if days else "")
+def clock(instant: datetime, zone: tzinfo, since: datetime, *, seconds: bool = False, named: bool = True) -> str:
+    """Local time of day, with the days since another instant where it is not the same day.
+
+    With the zone's name where the clock was changed since then, if it is to be `named`.
+    """
+    local, before = instant.astimezone(zone), since.astimezone(zone)
+    days = (local.date() - before.date()).days
+    name = f" {local:%Z}" if named and local.utcoffset() != before.utcoffset() else ""
+    return f"{local:%H:%M:%S}"[: 8 if seconds else 5] + name + (f" +{days}d" if days else "")
 
 
 def later_text(later: Figure) -> str:
@@ -277,17 +308,23 @@ def headline(c: Composition, zone: ZoneInfo) -> str:
     if mean is None or middle is None or late is None:
         at = f"{clock(c.arrive, zone, c.depart)} {name}"
         return f"Delivery in {duration(c.delivery_time_s)}, at {at}, if wind and queues are as given"
-    half, most = (by(figure, c, zone) for figure in (middle, no_earlier(late, middle)))
-    return f"Delivery in {about(mean)} on average: half of the deliveries by {half}, 95 % by {most} {name}"
+    times = promised(middle, late)
+    names = [_due(one, c).astimezone(zone).tzname() if _known(one) else name for one in times]
+    half, most = (by(one, c, zone, named=False) for one in times)
+    changed = f" {names[0]}" if names[0] != names[1] else ""  # the clock is changed between them
+    return f"Delivery in {about(mean)} on average: half of the deliveries by {half}{changed}, 95 % by {most} {names[1]}"
 
 
-def by(figure: Figure, c: Composition, zone: ZoneInfo) -> str:
+def by(figure: Figure, c: Composition, zone: ZoneInfo, *, named: bool = True) -> str:
     """Clock time of a delivery time, with its precision: with seconds only if they are certain to the second."""
     if not _known(figure):
         return UNKNOWN
-    seconds = step_for(figure.half_width) == 1
-    instant = c.depart + timedelta(seconds=rounded_s(figure) + (0.0 if seconds else 30.0))  # to the nearest minute
-    return clock(instant, zone, c.depart, seconds=seconds)
+    return clock(_due(figure, c), zone, c.depart, seconds=step_of(figure) == 1, named=named)
+
+
+def _due(figure: Figure, c: Composition) -> datetime:
+    seconds = rounded_s(figure) + (0.0 if step_of(figure) == 1 else 30.0)  # to the nearest minute
+    return c.depart + timedelta(seconds=seconds)
 
 
 def _known(figure: Figure) -> bool:
@@ -300,7 +337,7 @@ def _stepped(seconds: float, step: int) -> str:
         return _hours(whole // 60)
     hours, rest = divmod(whole, 3600)
     minute, second = divmod(rest, 60)
-    parts = [f"{hours} h"] * (hours > 0) + [f"{minute} min"] * (minute > 0 or hours > 0)
+    parts = [f"{hours} h"] * (hours > 0) + [f"{minute} min"] * (minute > 0 or (hours > 0 and second > 0))
     return " ".join(parts + [f"{second} s"] * (second > 0 or not parts))
 
 

@@ -198,6 +198,13 @@ class Composition:
             return replace(self, services=rest, origin=str(station)) if rest else None
         return self if self.services[0].origin == station else None
 
+    def stop_before(self, service: DroneService) -> Stop | None:
+        """Return the stop that one of the services leaves from, if there is one: the last at its origin, which may be visited twice."""
+        at_origin = (
+            one for one in reversed(self.stops) if one.station == service.origin and one.arrive <= service.depart
+        )
+        return next(at_origin, None)
+
     @property
     def arrive(self) -> datetime:
         """Touch-down at the destination on the typical schedule."""

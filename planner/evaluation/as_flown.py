@@ -98,6 +98,14 @@ class _Delivery(NamedTuple):
     """Shape (legs,). Energy of each leg as a multiple of the model's."""
 
 
+def check_flown_runs(runs: int) -> None:
+    """Refuse too few simulated deliveries; none are none."""
+    if 0 < runs < LEAST_RUNS:
+        raise InputError(
+            "too few simulated deliveries", field="flown_runs", value=runs, remedy=f"at least {LEAST_RUNS}"
+        )
+
+
 def as_flown(result: PlanResult, runs: int, *, told: Callable[[int, int, float], None] | None = None) -> AsFlown:
     """Simulate deliveries under a plan as `fly` decides them.
 
@@ -117,10 +125,7 @@ def as_flown(result: PlanResult, runs: int, *, told: Callable[[int, int, float],
     """
     problem = result.problem
     forecast, errors = problem.forecast, problem.usual_errors
-    if runs < LEAST_RUNS:
-        raise InputError(
-            "too few simulated deliveries", field="flown_runs", value=runs, remedy=f"at least {LEAST_RUNS}"
-        )
+    check_flown_runs(runs)
     if len(forecast) < 2:
         remedy = "remove --wind, or give a forecast with an error"
         raise InputError("a single wind series is not an uncertain forecast", field="wind", remedy=remedy)

@@ -223,8 +223,9 @@ class OnlinePolicy:
         segments = segments_of(p.network, [here, *service.via, service.destination])
         if not segments:
             return self._stopped(info, f"the network has no route to {service.destination} as planned")
-        stop = next((one for one in plan.stops if one.station == here and one.recharge_s > 0.0), None)
-        planned = info.soc if stop is None or charged else max(stop.soc_to, info.soc)
+        stop = plan.stop_before(service)
+        charges = stop is not None and stop.recharge_s > 0.0 and not charged
+        planned = max(stop.soc_to, info.soc) if stop is not None and charges else info.soc
         gated = DepartureGate(self, info, p).check(Step(segments, planned))
         if gated.soc is None:
             return self._stopped(info, gated.why)

@@ -118,7 +118,6 @@ def told_plan(seen: Hindsight, step: Step, charge_to: float | None, epsilon: flo
 def itinerary_of(problem: Problem, composition: Composition) -> Itinerary | None:
     """Return the decisions of a composition that begins where the problem does; None where it does not fit."""
     network = problem.network
-    stops = {stop.station: stop for stop in composition.stops}
     legs: list[Leg] = []
     where = network.stations[problem.origin].id
     for service in composition.services:
@@ -128,7 +127,7 @@ def itinerary_of(problem: Problem, composition: Composition) -> Itinerary | None
         segments = segments_of(network, names)
         if not segments:
             return None
-        stop = stops.get(service.origin)
+        stop = composition.stop_before(service)
         charge = stop.soc_to if stop is not None and stop.recharge_s > 0.0 else None
         legs.append(Leg(segments, charge))
         where = service.destination

@@ -12,7 +12,8 @@ from skyway.models.base.errors import NoRouteError
 from skyway.models.base.formatting import distance_text, duration, height_text, percent
 from skyway.models.base.geodesy import coarse_distance_m
 from skyway.models.flight.closures import closing_zones
-from skyway.models.flight.kernels import NEVER, next_opening
+from skyway.models.flight.kernels import NEVER, next_opening, slot_of
+from skyway.planner.problem.flight_table import ground_speeds
 from skyway.planner.problem.ways_on import flight_range_m, landings
 from skyway.planner.schedule.schedule_kernels import SOC_LANDING, TOUCH_DOWN
 
@@ -111,6 +112,14 @@ def _closed(problem: Problem, segments: NDArray[np.int64]) -> str | None:
         advice = f"; with the authorization: {given}" if all(zone.kind == "authorization" for zone in found) else ""
         return f"it is closed throughout the forecast by {named}{advice}"
     return None
+
+
+def _held_by_wind(problem: Problem) -> bool:
+    """Whether no member of the forecast allows a flight from the origin now."""
+    air, first = problem.air, problem.network.first
+    leaving = np.arange(first[problem.origin], first[problem.origin + 1])
+    now = np.array([slot_of(air, problem.depart_s)])
+    return not any(ground_speeds(air, member, now, leaving).any() for member in range(len(air.north)))
 
 
 def _too_strong(problem: Problem) -> str:
@@ -254,9 +263,15 @@ def no_route(problem: Problem, lookahead: Lookahead, *, room: bool = True) -> No
     reached = _reached(problem, charge <= lookahead.budget)
     if reached[problem.destination] and not room:
         return no_room(problem)
+    if reached[problem.destination] and _held_by_wind(problem):
+        message = (
+            f"no route from {start} to {goal} within the forecast: the wind on every segment from {start} is now "
+            f"{_too_strong(problem)}, and no sequence of flights in the later hours leads there"
+        )
+        return NoRouteError(message, constraint="wind")
     if reached[problem.destination]:
         message = (
-            f"no route from {start} to {goal} within the forecast: each segment can be flown on a full battery now, "
+            f"no route from {start} to {goal} within the forecast: each segment can be flown on a full battery at some hour, "
             f"but not one after the other as wind, queues and charge ({percent(problem.soc)} now) develop"
         )
         return NoRouteError(message, constraint="energy")

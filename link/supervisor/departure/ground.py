@@ -141,8 +141,11 @@ def _planned(ctx: Context) -> float | None:
     """Charge at departure from here by the present plan."""
     if ctx.delivery.charge_to is not None:
         return ctx.delivery.charge_to
-    stops = () if ctx.delivery.plan is None else ctx.delivery.plan.stops
-    return next((stop.soc_to for stop in stops if stop.station == ctx.delivery.station and stop.recharge_s > 0.0), None)
+    plan = ctx.delivery.plan
+    if plan is None or not plan.services or plan.services[0].origin != ctx.delivery.station:
+        return None
+    stop = plan.stop_before(plan.services[0])
+    return stop.soc_to if stop is not None and stop.recharge_s > 0.0 else None
 
 
 def _as_planned(ctx: Context, known: Information) -> Decision:
@@ -150,7 +153,7 @@ def _as_planned(ctx: Context, known: Information) -> Decision:
     if ctx.delivery.plan is None:
         return Decision("stop", "the plan has no leg from here: plan again, then fly that plan")
     service = ctx.delivery.plan.services[0]
-    stop = next((s for s in ctx.delivery.plan.stops if s.station == service.origin), None)
+    stop = ctx.delivery.plan.stop_before(service)
     target = stop.soc_to if stop is not None and stop.soc_to > known.soc + 0.01 and not ctx.delivery.charged else None
     return Decision("continue", f"as planned to {service.destination}", {}, ctx.delivery.plan, service.destination, None, target,
                     service.diverts or (service.origin,))  # fmt: skip

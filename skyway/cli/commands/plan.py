@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, NamedTuple
 
 import typer
 
@@ -21,9 +21,10 @@ from skyway.planner.registry import CLAIRVOYANT_PLANNERS, FORECAST_PLANNERS, ROB
 from skyway.planning import Conditions, solve, solve_window, with_pads
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
+    from collections.abc import Callable, Iterator, Sequence
 
     from skyway.planner.departure import Departure
+    from skyway.planner.report import PlanReport
 
 PLANNER_HELP = (
     f"{', '.join((ROBUST, *FORECAST_PLANNERS))}; with perfect information: {', '.join(CLAIRVOYANT_PLANNERS)}."
@@ -61,7 +62,7 @@ def plan(
     as_flown: Annotated[
         int,
         typer.Option(
-            help="Simulate this number of deliveries with the decisions of `fly` and wind errors between the sites, and show their arrival times (planner robust); half a second to some seconds each.",
+            help="Simulate this number of deliveries with the decisions of `fly` and wind errors between the sites, and show their arrival times (planner robust), at least 20; half a second to some seconds each.",
             metavar="N",
             min=0,
         ),
@@ -88,13 +89,11 @@ def plan(
       skyway plan my-scenario --from depot --to clinic --payload 1.2 -o plan.json --plot plan.png
     """
     from skyway.cli.views import plan_reasons
-    from skyway.models.base.files import write_atomically
-    from skyway.models.composition.file import save
     from skyway.plan_document import plan_document
     from skyway.planner.report import plan_report
 
-    options.refuse_overwriting(output, geojson, kml, briefing, plot, force=force)
-    options.check_picture(plot)
+    files = _Files(output, geojson, kml, briefing, plot)
+    _check_asked(files, contact, as_flown, force=force)
     typed_values.check_planners([planner], "--planner")
     parameters = typed_values.planner_parameters(settings)
     world = conditions.loaded()
@@ -118,27 +117,8 @@ def plan(
     with _shown(_deliveries, quiet=as_json) as progress, typed_values.as_typed():
         report = plan_report(result, tried, alternatives, explain=explain, flown_runs=as_flown, told=progress)
     options.hint_at_warnings(world, conditions.scenario)
-    composition = result.composition
-    if output is not None:
-        save(composition, output, force=force)
-    if geojson is not None:
-        from skyway.route_geojson import route_geojson
-
-        write_atomically(geojson, json_text(route_geojson(composition), indent=1) + "\n", force=force)
-    if kml is not None:
-        from skyway.route_kml import route_kml
-
-        write_atomically(kml, route_kml(composition), force=force)
-    if briefing is not None:
-        from skyway.briefing import briefing as briefing_of
-
-        write_atomically(briefing, briefing_of(composition, result.problem.scenario, contact or ()), force=force)
-    if plot is not None:
-        from skyway.plots.charge_band import charge_band
-        from skyway.plots.map import plot_composition
-
-        plot_composition(composition, result.problem.scenario, plot, charge_band(result))
-    options.say_written(output, geojson, kml, briefing, plot)
+    _write(files, report, contact or (), force=force)
+    options.say_written(*files)
     if as_json:
         typer.echo(json_text(plan_document(report), indent=1))
         return
@@ -146,6 +126,65 @@ def plan(
 
     print_plan(report)
     plan_reasons.print_more(report)
+
+
+class _Files(NamedTuple):
+    """Files that a plan is written to."""
+
+    output: Path | None
+    geojson: Path | None
+    kml: Path | None
+    briefing: Path | None
+    plot: Path | None
+
+
+def _check_asked(files: _Files, contact: list[str] | None, as_flown: int, *, force: bool) -> None:
+    """Refuse what could not be written or shown, before the planning."""
+    from skyway.planner.evaluation.as_flown import check_flown_runs
+
+    options.refuse_overwriting(*files, force=force)
+    options.check_picture(files.plot)
+    page = files.briefing
+    if page is not None and page.suffix.lower() not in (".html", ".htm"):
+        remedy = "a name that ends in .html"
+        raise InputError("cannot write this format", field="--briefing", value=page.name, remedy=remedy)
+    if contact and page is None:
+        remedy = "give --briefing FILE.html, too"
+        raise InputError("goes with --briefing", field="--contact", value=contact[0], remedy=remedy)
+    with typed_values.as_typed():
+        check_flown_runs(as_flown)
+
+
+def _write(files: _Files, report: PlanReport, contact: Sequence[str], *, force: bool) -> None:
+    """Write a plan to the files asked for."""
+    from skyway.models.base.files import write_atomically
+    from skyway.models.composition.file import save
+
+    result = report.result
+    composition, scenario = result.composition, result.problem.scenario
+    if files.output is not None:
+        save(composition, files.output, force=force)
+    if files.geojson is not None:
+        from skyway.route_geojson import route_geojson
+
+        write_atomically(files.geojson, json_text(route_geojson(composition), indent=1) + "\n", force=force)
+    if files.kml is not None:
+        from skyway.route_kml import route_kml
+
+        write_atomically(files.kml, route_kml(composition), force=force)
+    if files.briefing is not None:
+        from skyway.briefing import briefing
+        from skyway.plan_document import between_sites_words
+
+        doubt = report.between_sites
+        caveat = "" if doubt is None else " ".join(between_sites_words(doubt, result.problem.epsilon))
+        page = briefing(composition, scenario, contact, [caveat] if caveat else ())
+        write_atomically(files.briefing, page, force=force)
+    if files.plot is not None:
+        from skyway.plots.charge_band import charge_band
+        from skyway.plots.map import plot_composition
+
+        plot_composition(composition, scenario, files.plot, charge_band(result))
 
 
 @with_groups

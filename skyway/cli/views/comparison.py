@@ -7,7 +7,17 @@ from typing import TYPE_CHECKING, Literal
 import msgspec
 
 from skyway.cli.views.sheet import Column, Sheet, say
-from skyway.models.base.formatting import duration, kilometres, later_text, minutes, money, share, spent, watt_hours
+from skyway.models.base.formatting import (
+    duration,
+    kilometres,
+    later_text,
+    minutes,
+    money,
+    promised,
+    share,
+    spent,
+    watt_hours,
+)
 from skyway.models.base.units import J_PER_WH
 from skyway.models.composition.file import to_json
 
@@ -17,6 +27,7 @@ if TYPE_CHECKING:
     from skyway.models.base.statistics import Figure
     from skyway.planner.explain import RobustGain
     from skyway.planner.report import ComparisonReport
+    from skyway.planner.schedule.outcome import Outcome
 
 
 class PlannerAnswer(msgspec.Struct, frozen=True, kw_only=True):
@@ -73,8 +84,7 @@ def print_comparison(report: ComparisonReport) -> None:
             answer.planner + cut,
             c.drone,
             minutes(outcome.delivery),
-            "" if certain else _about(outcome.delivery_quantile(0.5)),
-            "" if certain else _about(outcome.delivery_quantile(0.95)),
+            *(["", ""] if certain else [_about(one) for one in _quantiles(outcome)]),
             "" if certain else share(outcome.success),
             duration(c.flight_time_s),
             duration(c.wait_time_s),
@@ -103,6 +113,10 @@ def print_comparison(report: ComparisonReport) -> None:
             say(f"{answer.planner}: {answer.error}")
         elif answer.result is not None:
             say(f"{answer.planner}: {' > '.join(answer.result.composition.route)}")
+
+
+def _quantiles(outcome: Outcome) -> list[Figure]:
+    return promised(outcome.delivery_quantile(0.5), outcome.delivery_quantile(0.95))
 
 
 def _about(figure: Figure) -> str:

@@ -18,11 +18,12 @@ from skyway.models.base.formatting import (
     energy_text,
     from_to,
     headline,
+    kept_share,
     kilometres,
     later_text,
-    no_earlier,
     percent,
     probability,
+    promised,
     share,
     spent,
 )
@@ -78,8 +79,8 @@ def _print_expected(result: PlanResult, zone: ZoneInfo) -> None:
     if a.delivery_mean is None or a.delivery_p50 is None or a.delivery_p95 is None:
         return
     sheet = Sheet([Column("delivery", justify="left"), Column("time"), Column("range"), Column("by")])
-    late = no_earlier(a.delivery_p95, a.delivery_p50)
-    rows = (("on average", a.delivery_mean), ("half within", a.delivery_p50), ("95 % within", late))
+    middle, late = promised(a.delivery_p50, a.delivery_p95)
+    rows = (("on average", a.delivery_mean), ("half within", middle), ("95 % within", late))
     for name, figure in rows:
         sheet.add(name, about(figure), between(figure), by(figure, c, zone))
     sheet.show()
@@ -125,11 +126,10 @@ def schedule_sheet(c: Composition, zone: ZoneInfo) -> Sheet:
 
 def _add_flights(sheet: Sheet, c: Composition, zone: ZoneInfo, day: datetime) -> None:
     """Add the legs of a plan, each after the stop before it; times on another day include the date."""
-    stops = {stop.station: stop for stop in c.stops}
     runs = c.arrival.runs
     for leg in c.services:
-        if leg.origin in stops:
-            stop = stops.pop(leg.origin)
+        stop = c.stop_before(leg)
+        if stop is not None:
             zoned = any(note.endswith(WAITS.format(stop.station)) for note in c.notes)
             opens = any(one.startswith(f"waits at {stop.station} for {leg.destination} to open") for one in c.notes)
             timed = opens or (c.not_before is not None and leg is c.services[-1])
@@ -159,7 +159,7 @@ def _leg_cells(leg: DroneService, runs: int | None) -> tuple[str, ...]:
         f"{leg.ground_speed_mps:.1f}",
         duration(leg.flight_time_s),
         from_to(leg.soc_depart, leg.soc_arrive),
-        _kept(leg.p_reserve, runs),
+        kept_share(leg.p_reserve, runs),
         probability(leg.p_hold),
         probability(leg.p_hold_room),
     )
@@ -176,13 +176,6 @@ def _segment_cells(segment: LegSegment) -> tuple[str, ...]:
         f"{segment.crosswind_mps:+.1f}",
         *[""] * 6,
     )
-
-
-def _kept(p_reserve: float | None, runs: int | None) -> str:
-    """Probability of landing above the reserve; a number of runs cannot show fewer than three failures in that number."""
-    if p_reserve is not None and runs and p_reserve >= 1.0 - 0.5 / runs:
-        return f">{100.0 - int(3000.0 / runs + 0.999) / 10.0:g} %"
-    return probability(p_reserve)
 
 
 def stop_text(stop: Stop, bound_for: str, *, for_a_zone: bool = False, for_a_time: bool = False) -> str:

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 from zoneinfo import ZoneInfo
 
 from skyway.cli.views.sheet import Column, Sheet, say
-from skyway.models.base.formatting import date_clock, minutes, percent, share
+from skyway.models.base.formatting import date_clock, minutes, percent, promised, share
 from skyway.models.base.units import J_PER_WH
 from skyway.plan_document import UNCERTAINTIES, size_words, why_here, why_so_much
 
@@ -72,7 +72,7 @@ def _print_alternatives(result: PlanResult, plans: Sequence[PlanResult]) -> None
             str(number + 1),
             " > ".join(stops) or "no stop",
             minutes(plan.outcome.delivery),
-            minutes(plan.outcome.delivery_quantile(0.95)).split(" ± ", maxsplit=1)[0],
+            minutes(promised(plan.outcome.delivery_quantile(0.95))[0]).split(" ± ", maxsplit=1)[0],
             share(plan.outcome.success),
             f"{_energy_wh(plan):.0f}",
         )

@@ -19,6 +19,7 @@ from skyway.models.base.formatting import (
     minutes,
     money,
     percent,
+    promised,
     share,
 )
 from skyway.models.base.units import J_PER_WH
@@ -129,9 +130,11 @@ def _plan(result: PlanResult, zone: ZoneInfo) -> dict[str, Any]:
     c, outcome = result.composition, result.outcome
     arrival = c.arrival
     deadline = result.problem.request.objective.deadline
-    figures = (
-        ("on average", arrival.delivery_mean), ("half within", arrival.delivery_p50), ("95 % within", arrival.delivery_p95)
-    )  # fmt: skip
+    figures = [("on average", arrival.delivery_mean)]
+    if arrival.delivery_p50 is not None and arrival.delivery_p95 is not None:
+        figures += zip(
+            ("half within", "95 % within"), promised(arrival.delivery_p50, arrival.delivery_p95), strict=True
+        )
     energy_j = (
         c.energy_j
         if result.robust is None

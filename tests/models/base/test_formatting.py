@@ -5,7 +5,7 @@ from __future__ import annotations
 import ast
 import math
 import re
-from datetime import UTC, datetime
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from zoneinfo import ZoneInfo
 
@@ -140,19 +140,43 @@ def _scale(node: ast.expr) -> bool:
 
 @given(st.floats(60, 1e5), st.floats(0, 1e4), st.floats(1, 1e4), st.floats(1, 1e4))
 @example(60.0, 0.0, 1.0, 2761.0)  # its step would grow with its value
-def test_a_later_quantile_is_never_told_as_an_earlier_time(early, more, half_early, half_late):
-    first, second = (
+def test_promised_quantiles_are_rounded_up_and_never_told_as_an_earlier_time(early, more, half_early, half_late):
+    given = [
         Figure(value, value - half, value + half) for value, half in ((early, half_early), (early + more, half_late))
-    )
-    assert words.rounded_s(words.no_earlier(second, first)) >= words.rounded_s(first)
-    if words.rounded_s(second) >= words.rounded_s(first):
-        assert words.no_earlier(second, first) is second
+    ]
+    first, second = words.promised(*given)
+    assert words.rounded_s(first) == pytest.approx(first.value)
+    assert words.rounded_s(second) == pytest.approx(second.value)
+    assert words.rounded_s(second) >= words.rounded_s(first)
+    assert given[0].value - 1e-3 <= first.value < given[0].value + words.step_of(first)
+    assert given[1].value - 1e-3 <= second.value < max(given[1].value, first.value) + words.step_of(second)
+
+
+@given(st.floats(60, 1e6), st.floats(0.01, 0.99), st.floats(0, 1e6))
+def test_however_uncertain_a_time_is_it_is_told_to_a_twentieth(value, below, above):
+    figure = Figure(value, value * (1.0 - below), value + above)
+    assert words.rounded_s(figure) == pytest.approx(value, rel=0.0501)
+
+
+def test_after_the_clock_was_changed_times_name_their_zone():
+    zone = ZoneInfo("America/New_York")
+    spring, autumn = (datetime(2013, *day, tzinfo=UTC) for day in ((3, 10, 6, 30), (11, 3, 5, 30)))
+    assert words.clock(spring, zone, spring) == "01:30"
+    assert words.clock(spring + timedelta(hours=1), zone, spring) == "03:30 EDT"
+    assert words.clock(autumn + timedelta(hours=1), zone, autumn) == "01:30 EST"
+    assert words.clock(autumn + timedelta(hours=25), zone, autumn) == "01:30 EST +1d"
 
 
 @pytest.mark.parametrize(
     ("value", "low", "high", "told"),
     [
-        (36_720.0, 17_600.0, 119_765.0, "4 h to 36 h"),  # the lower end was lost in the step of the upper one: 0 min
+        (
+            36_720.0,
+            17_600.0,
+            119_765.0,
+            "4 h 45 min to 36 h",
+        ),  # the lower end was lost in the step of the upper one: 0 min
+        (4927.0, 1209.0, 22_371.0, "20 min to 6 h 30 min"),  # the same
         (5400.0, 4800.0, 6000.0, "1 h 20 min to 1 h 40 min"),
         (5400.0, 5400.0, 5400.0, ""),
         (1080.0, 1069.0, 1095.0, "17 min 45 s to 18 min 15 s"),
