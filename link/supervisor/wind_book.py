@@ -83,8 +83,9 @@ class WindBook:
 
     def hear(self, sample: TelemetrySample, home_ground_m: float = math.nan) -> None:
         """Take a sample in the air, near cruise height, of a flight that began on ground of a height above sea level."""
-        if sample.landed == 0.0 and sample.height_m > MIN_HEIGHT_SHARE * self.cruise_height_m:
-            self.live.hear(sample, self._above_ground_m(sample, home_ground_m))
+        above_m = self._above_ground_m(sample, home_ground_m) if sample.landed == 0.0 else math.nan
+        if above_m > MIN_HEIGHT_SHARE * self.cruise_height_m:
+            self.live.hear(sample, above_m)
             if math.isfinite(sample.lat_deg) and math.isfinite(sample.lon_deg):
                 self._measured_at = sample.lat_deg, sample.lon_deg
 

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 from skyway.link.supervisor.command.orders import obey, refuges
 from skyway.link.supervisor.flight.known import information
 from skyway.link.supervisor.flight.pads_ahead import PadsAhead
+from skyway.link.supervisor.flight.phase import cruises
 from skyway.link.supervisor.flight.pilot_intervention import landed, refuse_foreign
 from skyway.link.supervisor.flight.release import ReleaseWatch, watch_release
 from skyway.link.supervisor.flight.turn import intend, land_here, turn
@@ -24,7 +25,6 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
     from skyway.link.supervisor.context import After, Context
-    from skyway.models.drones.telemetry import TelemetrySample
     from skyway.planner.online.information import Decision
 
 DECIDE_EVERY_S = 10.0
@@ -61,11 +61,11 @@ def _until_landed(
         ordered = obey(ctx)
         if ordered is not None:
             return ordered
-        if ctx.give_way.holds or _climbed(ctx):
+        if ctx.give_way.holds or _cruises(ctx):
             gives_way = ctx.give_way.look(ctx, refuges(ctx))
             if gives_way is not None:
                 return gives_way
-        if ctx.vehicle.changing or not (_due(ctx, decided_s) and _climbed(ctx)):
+        if ctx.vehicle.changing or not (_due(ctx, decided_s) and _cruises(ctx)):
             continue
         decided_s = ctx.now_s
         after = decide()
@@ -86,17 +86,8 @@ def _due(ctx: Context, decided_s: float) -> bool:
     return ctx.now_s >= decided_s + DECIDE_EVERY_S or ctx.battery.lost_s > decided_s
 
 
-def _climbed(ctx: Context) -> bool:
-    """Whether the vehicle cruises: neither climbing at the start nor landing at the end."""
-    s = ctx.observed.sample
-    return s is not None and s.height_m > 0.6 * ctx.job.scenario.rules.cruise_height_m and not _landing(ctx, s)
-
-
-def _landing(ctx: Context, s: TelemetrySample) -> bool:
-    if ctx.delivery.leg is None or ctx.place is None:
-        return False
-    end = ctx.delivery.leg.mission.way[-1]
-    return cross_track_m([end, end], s.lat_deg, s.lon_deg) < 30.0
+def _cruises(ctx: Context) -> bool:
+    return ctx.observed.sample is not None and cruises(ctx, ctx.observed.sample)
 
 
 # Decisions

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from skyway.link.supervisor.flight.phase import cruises
 from skyway.link.supervisor.journal.entries import SpeedLimited
 from skyway.models.base.formatting import speed_text, wind_text
 from skyway.models.base.units import GRAVITY_MPS2
@@ -175,8 +176,7 @@ class LeanWatch:
 def watch_lean(ctx: Context, s: TelemetrySample) -> None:
     """Process a sample of the flight; report when the lean begins or ends to limit it, and use the wind that this measures."""
     leg, watch = ctx.delivery.leg, ctx.lean
-    cruises = s.height_m > 0.6 * ctx.job.scenario.rules.cruise_height_m
-    if leg is None or not ctx.in_air or not cruises or ctx.vehicle.mode != "mission":
+    if leg is None or not ctx.in_air or not cruises(ctx, s) or ctx.vehicle.mode != "mission":
         return
     changed = watch.hear(s, leg.commanded_mps)
     found = watch.measure() if ctx.job.drag is None else None

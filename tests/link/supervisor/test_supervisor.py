@@ -290,3 +290,17 @@ def test_somebody_else_who_arms_it_on_the_pad_stops_all_commanding(tmp_path):
     assert stage.craft.station() == "bellevue"
     held = next(record for record in events(stage, "state") if record.data["after"] == "holding")
     assert "somebody else armed" in held.reason
+
+
+def test_on_a_leg_that_leads_downhill_it_still_decides_below_its_take_off(tmp_path):
+    # From 40 m above the sea over a station at 10 m to one at 16 m: after that station it flies 36 m above where it took off.
+    story = Story(start="columbia", to="jacobi", traffic=False, still=True, faults=told(["battery-drop=0.5@480s"]))
+    stage = Stage(story, tmp_path)
+    outcome = stage.fly()
+    legs = events(stage, "leg")
+    assert legs[0].data["via"] == ["yankee-stadium"]
+    low = [one.data for one in events(stage, "track") if one.data["height_m"] is not None and one.flight == 1]
+    assert min(abs(one["height_m"] - 36.0) for one in low) < 1.0
+    turned = [one for one in events(stage, "decision") if one.data["action"] in ("divert", "station", "land")]
+    assert turned, outcome
+    assert outcome.state in ("delivered", "stopped-safe"), outcome
