@@ -43,6 +43,11 @@ def dominates(a: tuple[float, ...], b: tuple[float, ...]) -> bool:
     return a != b and all(x >= y for x, y in zip(a, b, strict=True))
 
 
+def _as_grams(payload_kg: float, most_kg: float) -> str:
+    """Ask whether grams were meant, of a number that is one of grams rather than of kilograms."""
+    return f"; {payload_kg:g} g are {payload_kg / 1000.0:g} kg" if 50.0 <= payload_kg <= 1000.0 * most_kg else ""
+
+
 def skyline(drones: Sequence[Drone], payload_kg: float, objective: Objective | None = None) -> list[Drone]:
     """Drones that lift the package and are dominated by no other that does, in the order of the fleet.
 
@@ -51,8 +56,9 @@ def skyline(drones: Sequence[Drone], payload_kg: float, objective: Objective | N
     able = [drone for drone in drones if drone.max_payload_kg >= payload_kg]
     if not able:
         most = max((drone.max_payload_kg for drone in drones), default=0.0)
-        grams = f"; {payload_kg:g} g are {payload_kg / 1000.0:g} kg" if payload_kg / 1000.0 <= most else ""
-        raise PayloadError(f"no drone lifts {payload_kg:g} kg: the fleet's heaviest payload is {most:g} kg{grams}")
+        raise PayloadError(
+            f"no drone lifts {payload_kg:g} kg: the fleet's heaviest payload is {most:g} kg{_as_grams(payload_kg, most)}"
+        )
     with_price = all(drone.price_per_km is not None for drone in able)
     counts = objective is not None and objective.beside_time
     spends = (payload_kg, objective.counts_cost) if objective is not None and counts else None
@@ -76,7 +82,12 @@ def candidates(scenario: Scenario, request: Request, rejected: dict[str, str]) -
     """Drones to compose for: the named one, or the skyline; writes the reasons for excluding others to `rejected`."""
     if request.drone is not None:
         drone = scenario.drone(request.drone)
-        skyline([drone], request.payload_kg)
+        if drone.max_payload_kg < request.payload_kg:
+            others = [one.id for one in scenario.drones if one.max_payload_kg >= request.payload_kg]
+            more = f"; {', '.join(others)} of the fleet can carry it" if others else ""
+            grams = _as_grams(request.payload_kg, drone.max_payload_kg) if not others else ""
+            message = f"{drone.id} lifts {drone.max_payload_kg:g} kg at most, not {request.payload_kg:g} kg"
+            raise PayloadError(f"{message}{more}{grams}")
         return [drone]
     speed = request.airspeed_mps or 0.0
     able = [drone for drone in scenario.drones if drone.max_airspeed_mps >= speed - 1e-9]

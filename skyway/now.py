@@ -12,9 +12,12 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from msgspec.structs import replace as replace_fields
+
 from skyway.models.base.errors import InputError, LinkError
 from skyway.models.base.formatting import duration
 from skyway.models.base.units import from_posix
+from skyway.models.base.views import counted as counted_of
 from skyway.models.composition.conditions import Condition
 from skyway.models.wind.estimation.field import ResidualModel, WindObservation
 from skyway.models.wind.observed.conditioning import conditioned, counted, nothing_counts
@@ -214,7 +217,7 @@ def pads_now(scenario: Scenario, given: str, depart: datetime, *, asked: bool = 
         age = max((ages[one.station] for one in left_out), key=abs)
         when = f"{duration(abs(age))} {'before' if age > 0.0 else 'after'} the departure"
         notes.append(
-            f"pads of {len(left_out)} stations are ignored: seen {when}, the limit is {duration(PADS_OLDEST_S)} before it"
+            f"pads of {counted_of(len(left_out), 'station')} are ignored: seen {when}, the limit is {duration(PADS_OLDEST_S)} before it"
         )
     if asked and not counts:
         remedy = "give pads seen shortly before the departure, or omit the option"
@@ -257,7 +260,10 @@ def _seen_pads(scenario: Scenario, given: str, *, asked: bool) -> tuple[list[See
     if not given.startswith("tcp:"):
         if not asked and not os.path.exists(given):  # noqa: PTH110
             return [], [f"no current pads: {given} does not exist"]
-        return list(read_seen_pads(Path(given), network.index)), []
+        of_file = read_seen_pads(Path(given), network.index)
+        # A scenario's own file is written anew by a job: without times in it, it is as old as the file.
+        written_s = None if asked else Path(given).stat().st_mtime
+        return [replace_fields(one, posix_s=written_s) if one.posix_s is None else one for one in of_file], []
     try:
         found, notes = snapshot(given, [one.id for one in network.stations if one.pads])
     except LinkError as error:
@@ -307,7 +313,8 @@ def _told_pads(pads: Sequence[Condition]) -> list[str]:
     if not pads:
         return []
     most = sorted(pads, key=lambda one: -(one.busy or 0))[:NAMED]
-    words = ", ".join(f"{one.busy} drones at {one.place}" for one in most)
-    oldest = duration(max(one.age_s for one in pads))
-    more = f", and {len(pads) - NAMED} other stations" if len(pads) > NAMED else ""
-    return [f"conditioned on the pads seen up to {oldest} before the departure: {words}{more}"]
+    words = ", ".join(f"{counted_of(one.busy or 0, 'drone')} at {one.place}" for one in most)
+    oldest_s = max(one.age_s for one in pads)
+    when = f"up to {duration(oldest_s)} before the departure" if oldest_s >= 60.0 else "at the departure"
+    more = f", and {counted_of(len(pads) - NAMED, 'other station')}" if len(pads) > NAMED else ""
+    return [f"conditioned on the pads seen {when}: {words}{more}"]

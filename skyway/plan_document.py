@@ -10,6 +10,7 @@ from skyway.models.base.formatting import (
     duration,
     energy_text,
     later_text,
+    minutes,
     money,
     percent,
     probability,
@@ -22,7 +23,7 @@ from skyway.models.composition.file import figure_json, to_json
 from skyway.planner.uncertainties import ENERGY, GUSTS, PADS, WIND
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Sequence
     from datetime import datetime
 
     from skyway.models.composition.composition import Composition
@@ -119,6 +120,18 @@ def between_sites_words(found: BetweenSites, epsilon: float) -> list[str]:
         f"{unmeasured}: without turning back, {probability(1.0 - found.p_below, 1)} keep the reserve;",
         f"{turned}: {about(found.turned.delivery)} on average, 95 % within {about(late)}. An anemometer there would help",
     ]
+
+
+def most_gained(found: Sequence[Uncertainty]) -> str:
+    """Say which uncertainty, halved, gains most; `found` begins with those whose gain is clear."""
+    first = found[0]
+    if first.gain is None or first.gain.low <= 0.0:
+        return "Halving any one of them makes no clear difference"
+    remedy = f"; {first.remedy}" if first.remedy else ""
+    name, gain = UNCERTAINTIES[first.name], f"{minutes(first.gain)} min on average{remedy}"
+    if all(one.gain is not None and one.gain.value <= first.gain.value for one in found):
+        return f"Halving the uncertainty of the {name} gains most: {gain}"
+    return f"Only halving the uncertainty of the {name} makes a clear difference: {gain}"
 
 
 def _reason_json(one: StopReason) -> dict[str, object]:

@@ -10,6 +10,7 @@ from zoneinfo import ZoneInfo
 
 from skyway import typed_values
 from skyway.models.base.errors import InputError
+from skyway.models.base.formatting import duration
 from skyway.models.composition.release import Release  # noqa: TC001  options read these annotations at run time
 from skyway.planner.registry import CLAIRVOYANT_PLANNERS, ROBUST
 from skyway.scenarios import load_scenario, with_terrain
@@ -25,6 +26,9 @@ if TYPE_CHECKING:
     from skyway.planner.parameters.planner import PlannerParameters
     from skyway.planner.problem.request import Request
     from skyway.planner.result import PlanResult
+
+SOON_S = 6 * 3600.0
+"""A departure within so long is told that it is not now."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -107,6 +111,14 @@ class Conditions:
         """Departure; without one, now."""
         return typed_values.parse_depart(self.depart)
 
+    def _unused(self, scenario: Scenario) -> tuple[str, ...]:
+        """Say that the scenario's own observations do not count, for a departure that is not now but today."""
+        ahead_s = (self.instant - datetime.now(UTC)).total_seconds()
+        own = scenario.observed_wind or scenario.observed_pads is not None
+        if not own or self.for_now or self.observed or not 0.0 < ahead_s < SOON_S:
+            return ()
+        return (f"the scenario's own observations are not used: the departure is {duration(ahead_s)} from now",)
+
     @property
     def for_now(self) -> bool:
         """Whether the departure is at this moment, give or take some minutes: then the scenario's own observations count, unasked."""
@@ -144,7 +156,7 @@ class Conditions:
 
         if not given:
             alone = of_scenario and true is None and not scenario.has_forecast
-            return KnownWind(forecast(depart, HORIZON_H), (), (HOW,) if alone else ()), true
+            return KnownWind(forecast(depart, HORIZON_H), (), (HOW,) if alone else self._unused(scenario)), true
         found = observed_winds(scenario, given, min(self.instant, depart), missing_ok=of_scenario)
         return condition_forecast(scenario, forecast, found, depart, must_count=not of_scenario), true
 

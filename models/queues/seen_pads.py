@@ -12,7 +12,7 @@ from skyway.models.base.files import read_text
 from skyway.models.base.table import FaultCollector
 
 if TYPE_CHECKING:
-    from collections.abc import Collection, Mapping
+    from collections.abc import Collection, Iterator, Mapping
     from pathlib import Path
 
 MAX_BYTES = 16 * 1024 * 1024
@@ -20,8 +20,11 @@ MAX_BUSY = 1000
 _Count = Annotated[int, msgspec.Meta(ge=0, le=MAX_BUSY)]
 
 
-class SeenPads(msgspec.Struct, frozen=True, kw_only=True):
-    """The pads of a station at an instant; fields as in `models.queues.pad_service.StationStatus`, most of them optional."""
+class SeenPads(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """The pads of a station at an instant; fields as in `models.queues.pad_service.StationStatus`, most of them optional.
+
+    What of them tells nothing here is accepted and not read; other fields are refused: a name that is misspelt would be overlooked.
+    """
 
     station: str
     busy: _Count
@@ -34,6 +37,10 @@ class SeenPads(msgspec.Struct, frozen=True, kw_only=True):
     """Seconds until busy pads become free, where that is known."""
     posix_s: float | None = None
     """Time of the observation; None: the departure."""
+    holding_spots: object = None
+    holding_free: object = None
+    drones: object = None
+    """`holding_spots`, `holding_free`, `drones`: of the service's answer, not read."""
 
     @property
     def present(self) -> int:
@@ -76,10 +83,11 @@ def read_seen_pads(path: Path, stations: Collection[str]) -> tuple[SeenPads, ...
         try:
             seen = _decoded(line)
         except (msgspec.ValidationError, msgspec.DecodeError, RecursionError, UnicodeError) as error:
-            faults.add(f"is not a report of pads: {error}", '{"station": "clinic", "busy": 2}', line=number)
+            remedy = 'write a line like {"station": "clinic", "busy": 2}'
+            faults.add(f"is not a report of pads: {error}", remedy, line=number)
             continue
-        if problem := _problem(seen, stations):
-            faults.add(*problem, line=number, field="station", value=seen.station)
+        for field, problem, remedy in _problems(seen, stations):
+            faults.add(problem, remedy, line=number, field=field, value=getattr(seen, field))
         found[seen.station] = seen
     faults.raise_if_any()
     if not found:
@@ -99,14 +107,13 @@ def _decoded(line: str) -> SeenPads:
             return _LINE.decode(line)
 
 
-def _problem(seen: SeenPads, stations: Collection[str]) -> tuple[str, str] | None:
-    """The problem, and the correct form."""
+def _problems(seen: SeenPads, stations: Collection[str]) -> Iterator[tuple[str, str, str]]:
+    """Yield the field of each problem, the problem, and the correct form."""
     if seen.station not in stations:
-        return "no such station", "name stations by their id"
+        yield "station", "no such station", "name stations by their id"
     if seen.pads is not None and seen.busy > seen.pads:
-        return f"{seen.busy} of {seen.pads} pads are busy", "count drones in line under waiting"
+        yield "busy", f"more than the {seen.pads} pads", "count drones in line under waiting"
     if len(seen.remaining_s) > seen.busy:
-        return f"{len(seen.remaining_s)} times for {seen.busy} busy pads", "one for each busy pad at most"
+        yield "remaining_s", f"{len(seen.remaining_s)} times for {seen.busy} busy pads", "one for each busy pad at most"
     if seen.posix_s is not None and not (math.isfinite(seen.posix_s) and 0.0 <= seen.posix_s < 7.3e9):
-        return "is not a time", "posix_s in seconds since 1970"
-    return None
+        yield "posix_s", "is not a time", "seconds since 1970"

@@ -61,11 +61,19 @@ def analogue_ensemble(
         begin, end = (middle + timedelta(days=sign * min(season_days, 182)) for sign in (-1, 1))
         wanted = f"{begin:%d %B} to {end:%d %B}"
         whole = season & days.complete
-        found = f"{season.sum()} days in that season, {whole.sum()} without a gap, all of them excluded"
-        if not whole.any():
-            found = f"{season.sum()} days in that season, none without a gap"
+        count = f"{season.sum()} day{'' if season.sum() == 1 else 's'} in that season"
+        found = (
+            f"{count}, none without a gap"
+            if not whole.any()
+            else f"{count}, {whole.sum()} without a gap, all of them excluded"
+        )
         problem = f"no analogue day for the season {wanted}"
-        remedy = f"the record covers {history.covers} ({found}); widen the season or give another record"
+        how = (
+            "hold out fewer days, widen the season or give another record"
+            if len(exclude) > 1
+            else "widen the season or give another record"
+        )
+        remedy = f"the record covers {history.covers} ({found}); {how}"
         raise InputError(problem, history.source or None, remedy=remedy)
     return days.ensemble(np.flatnonzero(allowed))
 

@@ -8,7 +8,7 @@ from zoneinfo import ZoneInfo
 from skyway.cli.views.sheet import Column, Sheet, say
 from skyway.models.base.formatting import date_clock, minutes, percent, promised, share
 from skyway.models.base.units import J_PER_WH
-from skyway.plan_document import UNCERTAINTIES, size_words, why_here, why_so_much
+from skyway.plan_document import UNCERTAINTIES, most_gained, size_words, why_here, why_so_much
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -114,12 +114,5 @@ def _print_basis(found: Sequence[Uncertainty], not_counted: Sequence[str]) -> No
         gain = "no route" if one.gain is None else minutes(one.gain)
         sheet.add(UNCERTAINTIES[one.name], size_words(one), one.source, gain)
     sheet.show()
-    most = found[0]
-    if most.gain is not None and most.gain.low > 0.0:
-        remedy = f"; {most.remedy}" if most.remedy else ""
-        say(
-            f"Halving the uncertainty of the {UNCERTAINTIES[most.name]} gains most: {minutes(most.gain)} min on average{remedy}"
-        )
-    else:
-        say("Halving any one of them makes no clear difference")
+    say(most_gained(found))
     say("Not counted: " + "; ".join(not_counted))

@@ -299,7 +299,8 @@ class Downhill(Story):
     def scenario(self):
         plain = newyork()
         stations = [
-            dataclasses.replace(one, elevation_m=90.0) if one.id == "columbia" else one for one in plain.network.stations
+            dataclasses.replace(one, elevation_m=90.0) if one.id == "columbia" else one
+            for one in plain.network.stations
         ]
         return dataclasses.replace(plain, network=dataclasses.replace(plain.network, stations=tuple(stations)))
 

@@ -178,7 +178,7 @@ def test_a_season_without_a_day_says_which_and_what_the_record_covers():
     message = r"made\.csv: no analogue day for the season 11 December to 09 February; the record covers 2013-06-01"
     with pytest.raises(InputError, match=message):
         analogue_ensemble(history, winter, 12)
-    with pytest.raises(InputError, match=r"1 days in that season, 1 without a gap, all of them excluded"):
+    with pytest.raises(InputError, match=r"1 day in that season, 1 without a gap, all of them excluded"):
         analogue_ensemble(history, datetime(2013, 6, 10, 12, tzinfo=UTC), 12, season_days=0)
 
 
