@@ -1,6 +1,7 @@
 """The weather and the pads of now: what ``plan``, ``compare``, ``wind`` and ``fly`` take, tell and refuse."""
 
 import json
+import os
 import shutil
 import socket
 import threading
@@ -157,6 +158,27 @@ def test_the_departures_of_a_window_each_know_what_was_observed_before_them(plan
     assert found["conditions"][0]["age_s"] == (best - datetime(2013, 7, 10, 17, 51, tzinfo=UTC)).total_seconds()
 
 
+def test_an_observation_without_a_time_is_of_the_departure_asked_for_not_of_each_one_tried(planned):
+    found = planned(*HOP, *QUICK, "--depart-window", "1h", "--observed", "EWR=12@270")
+    assert datetime.fromisoformat(found["conditions"][0]["time"]) == datetime(2013, 7, 10, 18, 0, tzinfo=UTC)
+
+
+def test_departures_from_the_deadline_on_are_not_tried(planned):
+    when = "on-time 2013-07-10T14:40-04:00"
+    found = planned(*HOP, *QUICK, "--depart-window", "2h", "--objective", when)
+    assert datetime.fromisoformat(found["depart"]) < datetime(2013, 7, 10, 18, 40, tzinfo=UTC)
+
+
+def test_a_wind_that_nobody_can_have_observed_yet_is_told():
+    assert (
+        "of a time still to come"
+        in told_now(load_scenario(None), depart="2030-07-10T14:00-04:00", observed=["EWR=8@270"])[1]
+    )
+    assert (
+        "still to come" not in told_now(load_scenario(None), depart="2013-07-10T14:00-04:00", observed=["EWR=8@270"])[1]
+    )
+
+
 # Pads
 
 
@@ -302,6 +324,25 @@ def test_files_and_services_of_now_that_are_not_there_are_notes(tmp_path):
         port = listener.getsockname()[1]
     pads = PadOptions().known(replace(world, observed_pads=f"tcp:127.0.0.1:{port}"), now, for_now=True)
     assert pads.notes[0].startswith(f"no current pads: the pad service at tcp:127.0.0.1:{port} failed")
+
+
+def test_a_file_of_pads_that_no_job_writes_any_more_does_not_count(tmp_path):
+    file = tmp_path / "pads.jsonl"
+    file.write_text('{"station": "bellevue", "busy": 3}')
+    world, now = replace(load_scenario(None), observed_pads=str(file)), datetime.now(UTC)
+    assert PadOptions().known(world, now, for_now=True).busy == {"bellevue": 3}
+    os.utime(file, (now.timestamp() - 7200.0, now.timestamp() - 7200.0))
+    stale = PadOptions().known(world, now, for_now=True)
+    assert stale.busy == {}
+    assert "pads of 1 station are ignored: seen 2 h before the departure" in stale.notes[0]
+
+
+def test_shortly_before_it_is_now_a_plan_says_that_it_does_not_know_the_files_of_now(tmp_path):
+    world = replace(load_scenario(None), observed_wind=("none.txt",))
+    soon = (datetime.now(UTC) + timedelta(minutes=20)).isoformat()
+    assert "the scenario's own observations are not used: the departure is" in told_now(world, depart=soon)[1]
+    later = (datetime.now(UTC) + timedelta(days=2)).isoformat()
+    assert told_now(world, depart=later) == ([], "")
 
 
 def test_a_broken_file_of_now_is_an_error(tmp_path):
