@@ -89,7 +89,11 @@ class VehicleMonitor:
         self.connection = connection
         self.peer: Peer = _find(connection, system)
         """State of the vehicle on the connection."""
-        family = family_named(autopilot) if autopilot else family_of(self.peer.autopilot)
+        own = family_of(self.peer.autopilot)
+        family = family_named(autopilot) if autopilot else own
+        if autopilot and own is not None and own is not family:
+            remedy = "leave it out, and the vehicle is asked"
+            raise InputError(Fault(f"the vehicle is {own.name}", field="--autopilot", value=autopilot, remedy=remedy))
         if family is None:
             remedy = f"say which one it resembles with --autopilot {' or '.join(FAMILIES)}"
             raise InputError(Fault("an autopilot that skyway does not know", value=self.peer.autopilot, remedy=remedy))

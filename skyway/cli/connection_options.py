@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import typer
 
 from skyway.cli import options
-from skyway.models.base.errors import InputError
+from skyway.models.base.errors import CommandRefusedError, InputError
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -43,6 +43,16 @@ FORWARD_HELP = (
     "the flight (modes, arming), not change missions and parameters; see --forward-commands."
 )
 Yes = Annotated[bool, typer.Option("--yes", help="Execute the command; without --yes nothing is changed.")]
+Armed = Annotated[
+    bool,
+    typer.Option("--armed", help="Execute it although the vehicle is armed: it may be flying, and act on it at once."),
+]
+
+
+def refuse_armed(vehicle: Vehicle, what: str, *, allowed: bool) -> None:
+    """Refuse to change what an armed vehicle may be flying by; `what` says what."""
+    if vehicle.armed and not allowed:
+        raise CommandRefusedError(what, "it is armed and may be flying: on the ground only, disarmed, or with --armed")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

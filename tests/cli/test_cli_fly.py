@@ -116,6 +116,31 @@ def test_a_plan_of_another_scenario_is_not_flown(planned, tmp_path):
     assert "the scenario differs from the plan's" in answer.err
 
 
+def journal_of(path, composition, state, reason):
+    start = {"n": 1, "time": "2013-07-10T18:00:00Z", "state": "connecting", "event": "start"}
+    start["data"] = {"schema": "skyway.journal/1", "composition": composition}
+    last = {"n": 2, "time": "2013-07-10T18:20:00Z", "state": state, "event": "state", "reason": reason}
+    last["data"] = {"before": "landed", "after": state}
+    path.write_text("".join(json.dumps(one) + "\n" for one in (start, last)))
+
+
+def test_only_the_delivery_of_the_journal_is_resumed_and_none_that_has_arrived(planned, tmp_path):
+    plan = json.loads((tmp_path / "plan.json").read_text())
+
+    def told(composition, state):
+        journal_of(tmp_path / "j.jsonl", composition, state, "delivered at city-hall")
+        return planned("fly", "plan.json", *NOBODY, "--resume", "j.jsonl", "--forecast", "nowhere.csv").err
+
+    assert "is of another delivery: bellevue to jacobi, not bellevue to city-hall" in told(
+        plan | {"to": "jacobi"}, "stopped-safe"
+    )
+    assert "its departure, drone or package differ" in told(plan | {"payload_kg": 0.5}, "stopped-safe")
+    assert "ended at 2013-07-10T18:20:00Z: delivered at city-hall" in told(plan, "delivered")
+    assert "no such file" in told(plan, "stopped-safe"), (
+        "the same delivery, not yet arrived, comes as far as the forecast"
+    )
+
+
 def test_demo_plans_without_flying_and_refuses_what_is_no_day(skyway):
     answer = skyway("demo", "--plan-only", "--planner", "pfs-charge-aware")
     assert answer.code == 0

@@ -185,6 +185,33 @@ def test_mavsdk_refuses_a_signing_key_in_one_line(run, plan, tmp_path):
     )
 
 
+def test_what_an_armed_vehicle_may_fly_by_is_not_changed_unless_that_is_asked_for(run, plan):
+    with served(tcp_port=0) as there:
+        how = {"port": there.where()[1]}
+        assert run("upload", plan, "--yes", **how)[0] == 0
+        autopilot = there.world.vehicles[1].autopilot
+        autopilot.arm(force=True, by="test")
+        changes = ("upload", plan), ("clear",), ("params", "set", "MPC_XY_CRUISE", "7")
+        for words in changes:
+            code, text = run(*words, "--yes", **how)
+            assert code == 3
+            assert "armed" in text
+        assert len(autopilot.stores[0]) == 8
+        assert run("verify", plan, **how)[0] == 0
+        assert run("upload", plan, **how)[0] == 0, "a look is no change"
+        assert run("clear", "--yes", "--armed", **how)[0] == 0
+        assert run("verify", plan, **how)[0] == 1
+
+
+def test_a_vehicle_is_not_taken_for_one_of_another_autopilot(run, plan):
+    with served(tcp_port=0, autopilot="px4") as there:
+        code, text = run("upload", plan, "--autopilot", "ardupilot", port=there.where()[1])
+    assert (code, text) == (
+        2,
+        "--autopilot: the vehicle is px4 (got 'ardupilot'); leave it out, and the vehicle is asked",
+    )
+
+
 def test_a_refused_upload_exits_with_3_and_gives_the_vehicles_words(run, tmp_path):
     far = Mission(tuple(replace(item, x=item.x + 10_000_000) for item in a_mission(8).items))
     path = tmp_path / "far.plan"

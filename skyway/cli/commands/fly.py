@@ -137,7 +137,7 @@ def fly(
     options.refuse_overwriting(journal, report, force=False)
     parameters = typed_values.planner_parameters(settings)
     rule = seen.rule()
-    begun = None if resume is None else _begun(resume)
+    begun = None if resume is None else flying.resumed_from(resume)
     drag_model = None if drag is None else read_drag(drag)
     how: dict[str, Any] = {
         "replanning": not no_replan,
@@ -172,6 +172,8 @@ def fly(
         )
         return
     composition = load(plan)
+    if resume is not None:
+        flying.refuse_other_journal(composition, resume)
     region = flying.scenario_of(composition, scenario, terrain, obstacles, zones or ())
     who = seen.remote_id(region.remote_id)
     how["health"] = HealthBook(link.record, ZoneInfo(region.timezone))
@@ -424,13 +426,6 @@ def _clock(vehicle: Vehicle, operator: Operator) -> Clock:
             "the clock of the vehicle differs from that of this computer (a simulation): the vehicle's time is used"
         )
     return VehicleTime(vehicle, wall)
-
-
-def _begun(journal: Path) -> datetime:
-    from skyway.link.supervisor import read_journal
-    from skyway.models.base.units import parse_instant
-
-    return parse_instant(read_journal(journal).records[0].time)
 
 
 def _journal_path(folder: Path, name: str) -> Path:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from skyway.cli import options
-from skyway.cli.connection_options import Line, Link, Yes
+from skyway.cli.connection_options import Armed, Line, Link, Yes, refuse_armed
 from skyway.cli.option_groups import with_groups
 from skyway.models.base.errors import Fault, InputError, VehicleTimeoutError, refuse
 from skyway.models.base.json_text import json_text
@@ -68,6 +68,7 @@ def upload(
         Path | None, typer.Option(help="Parameter file for the mission, as written by skyway mission.")
     ] = None,
     yes: Yes = False,
+    armed: Armed = False,
     as_json: options.AsJson = False,
 ) -> None:
     """Upload a mission with its fence and rally points, read it back, and compare.
@@ -90,6 +91,8 @@ def upload(
         identity = vehicle.identify()
         if not as_json:
             typer.echo(str(identity))
+        if yes:
+            refuse_armed(vehicle, "upload a mission", allowed=armed)
         checks = _check_parameters(vehicle, wanted, yes=yes, as_json=as_json)
         if not yes:
             _show_dry_run(vehicle, identity, parts, checks, as_json=as_json)
@@ -136,7 +139,9 @@ def _parameter_state(vehicle: Vehicle, check: ParameterCheck, *, yes: bool) -> t
     if check.ok:
         return "ok", check.actual
     if check.to_set is None:
-        return f"must be checked by a person: {check.wanted.why}", check.actual
+        why = f": {check.wanted.why}" if check.wanted.why else ""
+        lacks = "the vehicle does not have it; " if check.actual is None else ""
+        return f"{lacks}must be checked by a person{why}", check.actual
     if not yes:
         return f"would be set to {check.to_set:g}: {check.wanted.why}", check.actual
     value = vehicle.set_parameter(check.wanted.name, check.to_set).value
@@ -222,6 +227,7 @@ def clear(
     link: Link,
     kind: Annotated[Kind, typer.Option(help="What to clear.")] = Kind.MISSION,
     yes: Yes = False,
+    armed: Armed = False,
     as_json: options.AsJson = False,
 ) -> None:
     """Clear the mission of a vehicle, and verify that it is gone.
@@ -239,6 +245,8 @@ def clear(
         identity = vehicle.identify()
         if not as_json:
             typer.echo(str(identity))
+        if yes:
+            refuse_armed(vehicle, "clear it", allowed=armed)
         for each in kinds:
             part = vehicle.download(each)
             held[each.name.lower()] = count_of(part)

@@ -10,7 +10,7 @@ import msgspec
 import typer
 
 from skyway.cli import options
-from skyway.cli.connection_options import Link, Yes
+from skyway.cli.connection_options import Armed, Link, Yes, refuse_armed
 from skyway.cli.option_groups import with_groups
 from skyway.models.base.errors import CommandRefusedError, LinkError
 from skyway.models.base.json_text import json_text
@@ -102,6 +102,7 @@ def params_set(
     name: Annotated[str, typer.Argument(help="Name of the parameter.")],
     value: Annotated[float, typer.Argument(help="New value.")],
     yes: Yes = False,
+    armed: Armed = False,
     as_json: options.AsJson = False,
 ) -> None:
     """Set a parameter and read it back.
@@ -111,6 +112,8 @@ def params_set(
       skyway params set RTL_ALT 6000 --yes --connect tcp:127.0.0.1:5760
     """
     with link.aboard() as vehicle:
+        if yes:
+            refuse_armed(vehicle, "set a parameter", allowed=armed)
         before = vehicle.parameter(name).value
         after = vehicle.set_parameter(name, value).value if yes else value
     if as_json:
