@@ -306,7 +306,7 @@ class OnlinePolicy:
             reason += f" instead of {percent(before)}" if wanted is not None else f"; no charging to {percent(before)}"
         return Decision(
             action, reason, figures | {"new_plan": not same}, station=station, charge_to=wanted, diverts=gated.diverts,
-            departure=departure,
+            departure=departure, least_soc=least,
         )  # fmt: skip
 
     def _look_s(self, info: Information, seen: Hindsight) -> float:

@@ -145,7 +145,7 @@ def _position(ctx: Context, service: DroneService) -> Iterator[Check]:
 
 
 def _battery(ctx: Context, service: DroneService) -> Check:
-    decided = ctx.delivery.charge_to if ctx.delivery.charge_to is not None else ctx.delivery.least_soc
+    decided = ctx.delivery.charge_to if ctx.delivery.least_soc is None else ctx.delivery.least_soc
     wanted = service.soc_depart if decided is None else decided
     if not math.isfinite(ctx.battery.soc) or (
         ctx.observed.sample is not None and not math.isfinite(ctx.observed.sample.soc)

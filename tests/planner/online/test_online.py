@@ -76,6 +76,7 @@ def test_a_plan_that_still_fits_is_kept_and_its_figures_are_told(policy, composi
     assert decision.diverts
     assert "min to the delivery" in decision.reason
     assert decision.figures["needed_soc"] < 1.0
+    assert decision.least_soc == decision.figures["needed_soc"], "who has stood a while may still leave with that"
     assert decision.composition.services[0].destination == decision.station
     assert decision.composition.services[-1].destination == "jacobi"
 
