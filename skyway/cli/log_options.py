@@ -40,8 +40,8 @@ ScenarioName = Annotated[
     typer.Option("--scenario", help="Scenario folder (newyork: built in) whose wind record gives the forecast."),
 ]
 Drag = Annotated[Path | None, typer.Option("--drag", help="Drag of the drone, from skyway calibrate wind.")]
-FAR_M = 300_000.0
-"""A forecast for sites further away than this says little about a flight."""
+FAR_M, ELSEWHERE_M = 300_000.0, 2_000_000.0
+"""A forecast for sites further away than the first says little about a flight, than the second nothing."""
 
 
 def air_of(path: Path | None) -> tuple[DragModel | None, AirspeedModel | None]:
@@ -111,7 +111,7 @@ def dated(log: Log) -> float:
 
 
 def warn_if_far(log: Log, ensemble: WindEnsemble) -> None:
-    """Warn on stderr that the flight was far from every site of a forecast."""
+    """Warn on stderr that the flight was far from every site of a forecast; one of another part of the world is refused."""
     import numpy as np
 
     from skyway.models.base import geodesy
@@ -123,6 +123,9 @@ def warn_if_far(log: Log, ensemble: WindEnsemble) -> None:
             distance, _ = geodesy.inverse(*here, ensemble.site_lat, ensemble.site_lon)
             if float(distance.min()) > FAR_M:
                 away = f"{distance_text(float(distance.min()))} from the nearest site of the forecast"
+                if float(distance.min()) > ELSEWHERE_M:
+                    remedy = "give the scenario, or a forecast, of where it was flown"
+                    raise InputError(f"the flight was {away}", log.summary.format, remedy=remedy)
                 typer.echo(f"skyway: the flight was {away}", err=True)
             return
 

@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING
 from msgspec.structs import replace
 
 from skyway.link.supervisor import read_journal
+from skyway.link.supervisor.journal.entries import Start
+from skyway.models.base.errors import InputError
 from skyway.models.base.files import write_atomically
 from skyway.models.composition.file import load, to_json
 from skyway.report.document import flight_report
@@ -32,7 +34,14 @@ def flight(journal: Path, *, logs: Sequence[Path] = (), plan: Path | None = None
     should be.
     """
     records = read_journal(journal).records
-    document = flight_report(records, None if plan is None else to_json(load(plan)))
+    planned = None if plan is None else to_json(load(plan))
+    start = records[0].entry(Start)
+    if planned is not None and start is not None:
+        flown, told = ((one.get("from"), one.get("to")) for one in (start.composition, planned))
+        if flown != told and None not in flown:
+            problem = f"is a plan from {told[0]} to {told[1]}; the flight was from {flown[0]} to {flown[1]}"
+            raise InputError(problem, str(plan), field="--plan", remedy="give a plan of the same delivery")
+    document = flight_report(records, planned)
     series = replace(document.series, log=log_series(logs)) if logs else document.series
     sources = Sources(journal=journal.name, logs=[log.name for log in logs], plan=None if plan is None else plan.name)
     return replace(document, series=series, sources=sources)

@@ -96,6 +96,11 @@ def mission(
     files = zone_files(composition, zones or ())
     if files or scenario is not None:
         region = None if scenario is None else load_scenario(scenario)
+        planned_in = composition.scenario_sha256
+        if region is not None and None not in (region.sha256, planned_in) and region.sha256 != planned_in:
+            typer.echo(
+                f"warning: {region.path} differs from the scenario of the plan; only its zones are used", err=True
+            )
         places = [(one.lat, one.lon) for one in composition.stations.values()]
         closed = airspace_options.zones_of(region, files, composition.authorized, places)
         airspace_options.refuse_closed(composition, flown_by, how, closed)
