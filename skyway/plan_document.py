@@ -161,6 +161,8 @@ def spending_words(composition: Composition) -> list[str]:
             f"Cost: {money(costs.mean.value)} {costs.currency} on average ({money(costs.mean.low)} to {money(costs.mean.high)}), "
             f"95 % within {money(costs.p95.value)}" + (f": {told}" if told else "")
         )
+    if lines and composition.way_back is not None and composition.way_back.plan is not None:
+        lines.append("The way back is not counted in these")
     return lines
 
 

@@ -122,11 +122,11 @@ def place(scenario: Scenario, text: str, option: str) -> tuple[Scenario, str]:
     with named(option):
         if position is None:
             return scenario, scenario.network.stations[scenario.network.find(text)].id
-        return _target(scenario, *position)
+        return _target(scenario, *position, leads="from" if option == "--from" else "to")
 
 
-def _target(scenario: Scenario, lat: float, lon: float) -> tuple[Scenario, str]:
-    """Add a delivery target to the network; a `NoRouteError` where no segment reaches it."""
+def _target(scenario: Scenario, lat: float, lon: float, *, leads: str) -> tuple[Scenario, str]:
+    """Add a place to the network, one that the delivery `leads` from or to; a `NoRouteError` where no segment reaches it."""
     from skyway.models.base.geodesy import inverse
 
     network = scenario.network
@@ -137,7 +137,7 @@ def _target(scenario: Scenario, lat: float, lon: float) -> tuple[Scenario, str]:
         return scenario, network.stations[nearest].id
     if len(wider.network.tail) == len(network.tail):
         message = (
-            f"no route to {lat:g},{lon:g}: no segment leads there; the nearest station, "
+            f"no route {leads} {lat:g},{lon:g}: no segment joins it; the nearest station, "
             f"{network.stations[nearest].id}, is {distance_text(distance[nearest])} away"
         )
         swapped, _ = inverse(lon if abs(lon) <= 90 else 0.0, lat, network.lat, network.lon)

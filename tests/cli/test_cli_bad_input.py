@@ -130,7 +130,7 @@ def test_infeasible_requests_end_with_1_and_name_what_binds(refused):
         "plan", *with_("--payload", "80"), code=1
     )
     far = refused("plan", *with_("--to", "51.5,-0.1"), code=1)
-    assert "no segment leads there; the nearest station, syosset, is 5547.8 km away" in far
+    assert "no segment joins it; the nearest station, syosset, is 5547.8 km away" in far
     assert "lat and lon look swapped" in refused("plan", *with_("--to", "-73.93,40.75"), code=1)
     storm = refused("plan", *HOP, "--wind", "20@270", code=1)
     assert "no route from bellevue to jacobi" in storm
