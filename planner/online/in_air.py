@@ -23,6 +23,7 @@ from skyway.planner.online.options import (
     Option,
     along_way,
     arriving,
+    clearly_safer,
     earliest_s,
     going_on,
     other_airspeeds,
@@ -250,7 +251,7 @@ class FlightDecision:
         best = min([now, *options], key=lambda one: one.risk)
         if best.p_empty > self._parameters.max_probable:
             return _land(airborne, figures, best.p_empty)
-        if not best.risk < self._parameters.clearly * now.risk:
+        if not clearly_safer(best, now, self._parameters.clearly):
             return None
         return self._answer(now, best, figures)
 

@@ -73,6 +73,17 @@ class Option:
         }  # fmt: skip
 
 
+def clearly_safer(one: Option, other: Option, share: float) -> bool:
+    """Whether an option has less than a share of the risk of another: of the weighted risk, or of landings below the reserve if nothing worse is likelier with it.
+
+    In some winds of a forecast no station may be reached: what is as probable for both, weighted by `EMPTY`, would hide the difference.
+    """
+    if one.risk < share * other.risk:
+        return True
+    no_worse = one.p_half <= other.p_half and one.p_empty <= other.p_empty
+    return no_worse and one.p_below < share * other.p_below
+
+
 @dataclass(frozen=True, slots=True)
 class Floors:
     """Charges that landings are judged by: the reserve, and the share of it that a divert may use."""
