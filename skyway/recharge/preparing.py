@@ -19,6 +19,7 @@ from skyway.missions.recharge.parts import completed
 from skyway.missions.recharge.work import too_many_repeats, work_of
 from skyway.models.base.errors import Fault, InputError
 from skyway.models.base.formatting import height_text
+from skyway.models.base.views import counted
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -104,6 +105,11 @@ def _whole(mission: Mission, families: Sequence[Family], options: RechargeOption
     mission, added = completed(mission, lands=lands, takes_off_m=takes_off_m)
     if mission.hover_speed_mps is None:
         notes.append("the mission sets no speed: assuming 5 m/s until it does")
+    if open_holds := sum(leg.ground_hold_s is None for leg in route.legs[:-1]):
+        landings = counted(open_holds, "landing")
+        notes.append(
+            f"{landings} on the way without the time of a hold: a full battery is assumed after each, and no time to charge it"
+        )
     return mission, (*added, *notes)
 
 
