@@ -116,7 +116,7 @@ def minutes(figure: Figure) -> str:
         return UNKNOWN
     step = step_of(figure) if figure.low > 0.0 else step_for(figure.half_width)
     digits = 0 if step >= 60 else 1
-    value = rounded_s(figure) / 60.0
+    value = step * round(figure.value / step) / 60.0
     if figure.high <= figure.low:
         return f"{figure.value / 60.0:.1f}"
     unit = 10.0**-digits
@@ -306,7 +306,7 @@ def headline(c: Composition, zone: ZoneInfo) -> str:
     name = c.depart.astimezone(zone).tzname()
     mean, middle, late = figures
     if mean is None or middle is None or late is None:
-        at = f"{clock(c.arrive, zone, c.depart)} {name}"
+        at = f"{clock(c.arrive, zone, c.depart, named=False)} {c.arrive.astimezone(zone):%Z}"
         return f"Delivery in {duration(c.delivery_time_s)}, at {at}, if wind and queues are as given"
     times = promised(middle, late)
     names = [_due(one, c).astimezone(zone).tzname() if _known(one) else name for one in times]
@@ -316,15 +316,16 @@ def headline(c: Composition, zone: ZoneInfo) -> str:
 
 
 def by(figure: Figure, c: Composition, zone: ZoneInfo, *, named: bool = True) -> str:
-    """Clock time of a delivery time, with its precision: with seconds only if they are certain to the second."""
+    """Clock time of a delivery time, with its precision: with seconds only if they are certain to the second, else the minute that has begun by then."""
     if not _known(figure):
         return UNKNOWN
     return clock(_due(figure, c), zone, c.depart, seconds=step_of(figure) == 1, named=named)
 
 
 def _due(figure: Figure, c: Composition) -> datetime:
-    seconds = rounded_s(figure) + (0.0 if step_of(figure) == 1 else 30.0)  # to the nearest minute
-    return c.depart + timedelta(seconds=seconds)
+    at = c.depart + timedelta(seconds=rounded_s(figure))
+    into_s = 0.0 if step_of(figure) == 1 else at.second + at.microsecond / 1e6
+    return at + timedelta(seconds=60.0 - into_s) if into_s > 0.0 else at
 
 
 def _known(figure: Figure) -> bool:
