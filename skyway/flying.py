@@ -206,7 +206,9 @@ def resumed_from(journal: Path) -> datetime:
     entered = [(record, entry) for record in records if (entry := record.entry(StateEntered))]
     last, state = entered[-1] if entered else (records[0], None)
     if state is not None and state.after in (State.DELIVERED, State.DONE):
-        remedy = "fly another plan without --resume"
+        remedy = (
+            f"nothing is left to fly; skyway params restore {journal} sets back what may still be changed on the drone"
+        )
         raise InputError(f"ended at {last.time}: {last.reason}", str(journal), field="--resume", remedy=remedy)
     return parse_instant(records[0].time)
 
