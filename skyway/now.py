@@ -261,7 +261,7 @@ def _seen_pads(scenario: Scenario, given: str, *, asked: bool) -> tuple[list[See
         if not asked and not os.path.exists(given):  # noqa: PTH110
             return [], [f"no current pads: {given} does not exist"]
         of_file = read_seen_pads(Path(given), network.index)
-        # A scenario's own file is written anew by a job: without times in it, it is as old as the file.
+        # A scenario's own file is rewritten by a job: without times in it, it is as old as the file.
         written_s = None if asked else Path(given).stat().st_mtime
         return [replace_fields(one, posix_s=written_s) if one.posix_s is None else one for one in of_file], []
     try:

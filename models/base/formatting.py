@@ -29,15 +29,16 @@ def is_known(value: float | None) -> TypeGuard[float]:
     return value is not None and math.isfinite(value)
 
 
-def step_for(half_width_s: float, most_s: float = math.inf) -> int:
-    """Return the rounding step of a time, given the half width of its interval; the largest up to `most_s` if that is less."""
+def step_for(half_width_s: float, time_s: float = math.inf) -> int:
+    """Return the rounding step of a time, given the half width of its interval; only a time above 0 limits it."""
     wanted = next((step for step in STEPS_S if step >= SURE * half_width_s), STEPS_S[-1])
+    most_s = FINE * time_s if time_s > 0.0 else math.inf
     return max((step for step in STEPS_S if step <= min(wanted, most_s)), default=STEPS_S[0])
 
 
 def step_of(figure: Figure) -> int:
     """Return the rounding step of a time with its interval."""
-    return step_for(figure.half_width, FINE * figure.value if figure.value > 0.0 else math.inf)
+    return step_for(figure.half_width, figure.value)
 
 
 def duration(seconds: float | None, *, signed: bool = False) -> str:
@@ -76,8 +77,8 @@ def between(figure: Figure) -> str:
     """
     if not _known(figure):
         return ""
-    below = step_for(figure.value - figure.low, FINE * figure.low if figure.low > 0.0 else math.inf)
-    above = step_for(figure.high - figure.value, FINE * figure.high if figure.high > 0.0 else math.inf)
+    below = step_for(figure.value - figure.low, figure.low)
+    above = step_for(figure.high - figure.value, figure.high)
     low, high = below * math.floor(figure.low / below + 1e-9), above * math.ceil(figure.high / above - 1e-9)
     low_s, high_s = min(low, rounded_s(figure)), max(high, rounded_s(figure))  # with the value, as `about` writes it
     step = 1 if min(below, above) < 60 else 60
