@@ -12,7 +12,18 @@ from rich.cells import cell_len
 
 from skyway.cli.views.plan import schedule_sheet
 from skyway.cli.views.sheet import NO_NUMBER, Column, Sheet, wrapped
-from skyway.models.base.formatting import about, between, by, duration, later_text, minutes, percent, share, spent
+from skyway.models.base.formatting import (
+    about,
+    between,
+    by,
+    duration,
+    later_text,
+    minutes,
+    percent,
+    share,
+    spent,
+    step_of,
+)
 from skyway.models.base.statistics import Figure
 from skyway.models.composition.composition import Composition
 from skyway.models.composition.distributions import ArrivalDistribution
@@ -153,14 +164,15 @@ def test_words_for_figures_never_show_what_is_no_number(value, width, hole, plac
 
 @given(st.floats(60.0, 80_000.0), st.floats(0.0, 600.0))
 def test_a_clock_shows_no_seconds_that_are_not_sure(value, half_width):
-    """Seconds only where the interval reaches a few of them; else the nearest minute."""
+    """Seconds only where the interval reaches a few of them; else the minute that has begun by then, whatever the rounding."""
     delivery = unknown_delivery()
     said = by(Figure(value, value - half_width, value + half_width), delivery, ZoneInfo("UTC")).split(" +")[0]
     assert len(said) == (8 if half_width <= 4.0 else 5) or 3.999 < half_width < 4.001
     hours, *rest = map(int, said.split(":"))
     told = 3600 * hours + 60 * rest[0] + (rest[1] if len(rest) > 1 else 0)
     off = (told - (18 * 3600 + value) + 43_200.0) % 86_400.0 - 43_200.0
-    assert abs(off) <= max(31.0 + 0.5 * half_width, 0.6) if len(rest) == 1 else abs(off) <= 1.0
+    rounding_s = 0.5 * step_of(Figure(value, value - half_width, value + half_width))
+    assert -rounding_s <= off <= 60.0 + rounding_s if len(rest) == 1 else abs(off) <= 1.0
 
 
 def test_what_takes_exactly_as_long_is_told_as_no_difference():
