@@ -1,10 +1,10 @@
-# make setup | demo | demo-fleet | test | check | bench | docs
+# make setup | demo | demo-fleet | test | check | explore | bench | docs
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
 
-.PHONY: setup demo demo-fleet test slow check bounds fuzz kernels bench docs clean
+.PHONY: setup demo demo-fleet test slow explore check bounds fuzz kernels bench docs clean
 
 setup: $(STAMP)
 
@@ -35,6 +35,10 @@ test: setup
 
 slow: setup
 	$(BIN)/python -m pytest -q -n auto --dist worksteal -m slow
+
+# Properties with examples that nobody has drawn before, three times as many as by default.
+explore: setup
+	$(BIN)/python -m pytest -q -n auto --dist worksteal -m "hypothesis and not slow" --hypothesis-profile=explore
 
 check: setup
 	$(BIN)/ruff check .

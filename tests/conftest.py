@@ -6,10 +6,17 @@ import os
 from pathlib import Path
 
 import pytest
+from hypothesis import settings
 
 os.environ.setdefault(
     "OPENBLAS_NUM_THREADS", "1"
 )  # as on the command line (skyway/cli/__init__.py); read when numpy is imported
+
+# No deadline, since kernels compile on their first call. `make test` draws the same examples at each run, so that it says of a commit what it
+# said before; `make explore` draws others.
+settings.register_profile("same", deadline=None, derandomize=True)
+settings.register_profile("explore", deadline=None, max_examples=300)
+settings.load_profile("same")
 
 CALL_NO_KERNEL = frozenset(
     f"test_{name}"

@@ -16,7 +16,7 @@ def sd(away_m, speed_mps, flight_s=600.0):
 
 
 @given(away_m=st.floats(10.0, 30_000.0), speed=st.floats(0.0, 20.0), more=st.floats(1.01, 3.0))
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 def test_the_wind_is_known_the_less_the_further_away_the_stronger_and_the_shorter_the_flight(away_m, speed, more):
     assert sd(away_m * more, speed) > sd(away_m, speed)
     assert sd(away_m, speed * more + 0.01) > sd(away_m, speed)
@@ -37,7 +37,7 @@ def test_gusts_of_a_flight_are_those_of_a_sampled_process():
 
 
 @given(along=st.floats(-12.0, 12.0), across=st.floats(-8.0, 8.0), length_m=st.floats(500.0, 20_000.0))
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 def test_a_wind_more_against_a_flight_never_makes_it_faster(along, across, length_m):
     def cost(sd_mps):
         wind = np.array([[along]]), np.array([[across]])

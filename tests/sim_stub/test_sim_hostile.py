@@ -191,7 +191,7 @@ def test_the_longest_mission_that_fits_is_stored(autopilot):
     assert stage.station.upload(items, seconds=600.0) == 0
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(st.data())
 def test_absurd_parameters_neither_crash_nor_stop_it(data):
     autopilot = data.draw(st.sampled_from(["px4", "ardupilot"]))

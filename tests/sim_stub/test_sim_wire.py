@@ -96,7 +96,7 @@ def test_an_absurd_value_is_clipped_to_what_the_wire_can_carry():
     assert (read.lat, read.vx, read.hdg) == (2**31 - 1, -32768, 0)
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=200)
 @given(st.binary(max_size=600), st.integers(1, 40))
 def test_a_good_message_is_found_behind_any_garbage(garbage, cut):
     frame = Mavlink(9).frame(message("HEARTBEAT", custom_mode=5))

@@ -9,7 +9,7 @@ import sys
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from sim_station import LAT, LON, Stage, dialect, item
 
@@ -32,7 +32,6 @@ from skyway.sim_stub.transports.urls import parse_address
 from skyway.sim_stub.world import World
 
 
-@settings(deadline=None)
 @given(st.floats(-70, 70), st.floats(-179.9, 179.9), st.floats(0, 360), st.floats(10, 20_000))
 def test_flat_offsets_agree_with_geodesics(lat, lon, bearing, length):
     from skyway.models.base.geodesy import direct

@@ -122,7 +122,7 @@ def test_a_directory_that_unpacks_without_end_is_refused(tmp_path):
         BaseMap(path).checked()
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(at=st.integers(0, 400), byte=st.integers(0, 255), cut=st.integers(0, 50))
 def test_a_damaged_file_is_refused_or_has_no_tile_there(tmp_path_factory, at, byte, cut):
     path = pmtiles(tmp_path_factory.mktemp("damaged") / "a.pmtiles", PICTURE)

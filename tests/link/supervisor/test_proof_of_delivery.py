@@ -127,7 +127,7 @@ def a_scale(package_kg):
     return scale
 
 
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=15)
 @given(st.floats(0.3, 1.2), st.floats(2.0, 13.0), st.floats(-16.0, 8.0))
 @example(0.35, 4.0, 4.0)
 def test_a_gust_that_begins_at_once_is_no_package_that_is_lost(package_kg, speed_mps, gust_mps):
@@ -142,7 +142,7 @@ def test_by_the_wind_that_is_believed_such_a_gust_would_be_one():
     assert cruise(blind, 0.35, 25, speed_mps=4.0, gust_mps=4.0, gust_s=42.0) is not None
 
 
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=15)
 @given(st.floats(0.35, 1.2), st.floats(41.0, 60.0))
 def test_a_package_that_is_lost_in_steady_flight_is_noticed_within_eight_seconds(package_kg, lost_s):
     found_s = cruise(a_scale(package_kg), package_kg, 45, lost_s=lost_s)
@@ -182,7 +182,7 @@ def fly(scale, begin_s, seconds, power, *, airspeed_mps, climb_mps):
         scale.hear(sample, (0.0, 0.0))
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(st.floats(0.5, 1.2), st.floats(0.6, 1.4), st.floats(0.6, 1.4), st.floats(0.0, 1.0))
 @example(0.8, 0.6, 1.4, 0.5)
 def test_what_airspeed_and_climb_take_of_this_drone_is_learnt_under_its_package(package_kg, dip, climbing, aboard):

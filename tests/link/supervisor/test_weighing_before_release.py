@@ -75,7 +75,7 @@ DRONES = {"dip": st.floats(0.8, 1.2), "climbing": st.floats(0.5, 1.0)}
 """How other drones differ from the model: what airspeed takes away, and climbing costs."""
 
 
-@settings(max_examples=3, deadline=None)
+@settings(max_examples=3)
 @given(
     st.floats(0.3, 1.2),
     st.floats(0.0, 14.0),
@@ -91,7 +91,7 @@ def test_a_package_is_whole_though_less_wind_blows_near_the_ground(package_kg, w
     assert judge(Evidence(True, before=found, package_kg=package_kg))[0] is Verdict.DELIVERED
 
 
-@settings(max_examples=3, deadline=None)
+@settings(max_examples=3)
 @given(
     st.floats(0.5, 1.2),
     st.floats(0.0, 14.0),

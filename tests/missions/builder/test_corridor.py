@@ -50,7 +50,7 @@ def test_the_way_from_anywhere_on_the_route_to_its_divert_station_is_inside():
 places = st.tuples(st.floats(-60, 60), st.floats(-170, 170))
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(
     places,
     st.lists(st.tuples(st.floats(-0.3, 0.3), st.floats(-0.3, 0.3)), min_size=2, max_size=25),

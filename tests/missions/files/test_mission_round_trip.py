@@ -65,13 +65,13 @@ def in_range(mission):
     return all(item.jump_target is None or 0 <= item.jump_target < len(mission) for item in mission.items)
 
 
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=300)
 @given(documents.filter(lambda document: in_range(document.mission)))
 def test_a_plan_file_loses_nothing(document):
     assert mission_file.loads(plan_writer.dumps(document).encode()) == document
 
 
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=300)
 @given(documents.filter(lambda document: in_range(document.mission)))
 def test_waypoint_files_lose_nothing_that_they_can_hold(document):
     mission = mission_file.loads(waypoints_file.dumps_mission(document).encode()).mission
@@ -80,7 +80,7 @@ def test_waypoint_files_lose_nothing_that_they_can_hold(document):
     assert mission_file.loads(waypoints_file.dumps_rally(document).encode()).rally == document.rally
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=100)
 @given(documents)
 def test_jumps_that_lead_nowhere_still_lead_nowhere(document):
     for text in (plan_writer.dumps(document), waypoints_file.dumps_mission(document)):
@@ -107,7 +107,7 @@ storable = st.builds(
 )
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=200)
 @given(st.lists(storable, max_size=10), homes)
 def test_a_mission_over_the_wire_has_no_difference(storables, home):
     mission = Mission(tuple(storables), home)

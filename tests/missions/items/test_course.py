@@ -39,7 +39,7 @@ def test_a_leg_east_is_followed_within_10_metres(lat, length_km):
     assert largest_offset_m(lat, 8.0, *end) <= 10.0
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(st.floats(-70, 70), st.floats(-180, 180), st.floats(0, 360), st.floats(10.0, 200_000.0))
 def test_any_leg_is_followed_within_10_metres(lat, lon, bearing, length_m):
     end = geodesy.direct(lat, lon, bearing, length_m)

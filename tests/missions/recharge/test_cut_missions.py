@@ -241,7 +241,7 @@ def made_up(seed):
     return mission_of(items), pads, float(rng.uniform(0.1, 0.25))
 
 
-@settings(max_examples=4, deadline=None)
+@settings(max_examples=4)
 @given(st.integers(0, 10**6))
 @example(558468)  # a picture by the clock while it stays
 def test_any_mission_does_the_same_work_before_and_after(seed):
@@ -256,7 +256,7 @@ def test_any_mission_does_the_same_work_before_and_after(seed):
 
 
 @pytest.mark.slow
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=300)
 @given(st.integers(0, 10**6))
 def test_so_do_many(seed):
     test_any_mission_does_the_same_work_before_and_after.hypothesis.inner_test(seed)

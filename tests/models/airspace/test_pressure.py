@@ -32,7 +32,7 @@ def height_of(level_m, qnh, place_m, warmer_k, steps=400):
     return height
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(
     level_m=st.floats(300.0, 9000.0),
     qnh=st.floats(960.0, 1080.0),

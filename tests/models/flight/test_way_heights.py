@@ -39,7 +39,7 @@ def flown(way, found, count=400):
     return np.array(lat), np.array(lon), np.array(height)
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 @given(st.integers(0, 10_000), st.integers(2, 4))
 def test_no_ground_or_obstacle_in_the_corridor_is_nearer_than_the_clearance(seed, count):
     rng = np.random.default_rng(seed)
@@ -63,7 +63,7 @@ def test_no_ground_or_obstacle_in_the_corridor_is_nearer_than_the_clearance(seed
         assert not near.any() or height[near].min() >= tops[k] + keeps.least_m - 0.01
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 @given(st.integers(0, 10_000), st.floats(10.0, 100.0), st.floats(0.0, 60.0))
 def test_more_clearance_is_never_lower_and_never_less_climb(seed, least_m, more_m):
     terrain, way = terrain_of(hills(seed)), places(seed, 2)
@@ -76,7 +76,7 @@ def test_more_clearance_is_never_lower_and_never_less_climb(seed, least_m, more_
     assert high.up_m >= low.up_m - 1e-9
 
 
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=15)
 @given(st.integers(0, 10_000))
 def test_climbs_and_descents_are_those_of_the_knots_and_of_the_segments_alone(seed):
     terrain, way = terrain_of(hills(seed)), places(seed, 3)

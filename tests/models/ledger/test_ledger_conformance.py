@@ -181,7 +181,7 @@ BOOKINGS = st.lists(
 )  # fmt: skip
 
 
-@settings(max_examples=12, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=12, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(attempts=BOOKINGS)
 def test_it_takes_what_fits_and_nothing_else(store, tmp_path_factory, attempts):
     held = []

@@ -64,7 +64,7 @@ def test_max_length_joins_all_pairs_not_farther_apart(region, offsets, limit):
 
 @example((0.0, 0.0), [(0.0, 0.0), (0.0, 0.015625), (3.7e-182, 0.0)], 1, 1740.0)
 @given(REGIONS, OFFSETS, st.integers(1, 5), st.floats(1000.0, 60_000.0))
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @example((0.0, 0.0), [(0.0, 0.0), (0.0, 0.25), (0.25, 0.0), (2.220446049250313e-16, 0.25)], 1, 27_830.0)
 def test_nearest_joins_each_station_to_its_nearest_and_them_to_it(region, offsets, count, limit):
     stations = around(region, offsets)

@@ -49,7 +49,7 @@ RULE = st.tuples(
 )
 
 
-@settings(deadline=None, max_examples=60)
+@settings(max_examples=60)
 @given(st.lists(RULE, min_size=1, max_size=3), st.sampled_from(["UTC", "Europe/Berlin", "America/New_York"]))
 def test_closures_are_those_of_every_minute(rules, timezone):
     """Against the definition, on the local clock; hours within a change of the clock are left out."""
@@ -101,7 +101,6 @@ def paths(draw):
     return QueuePath(arrival, pad, np.maximum.accumulate(land), delay, 2, np.empty(0))
 
 
-@settings(deadline=None)
 @given(paths(), st.lists(st.integers(0, 1000), min_size=2, max_size=6, unique=True), st.integers(0, 1))
 def test_a_pad_is_had_when_the_station_opens(path, edges, spots):
     """The path within opening hours against each time put off by itself."""

@@ -76,7 +76,7 @@ def replayed(path_seed: int, pads: int, utilisation: float, hours: float) -> lis
         others.append((now, next(deviates) * HOUR))
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(st.integers(0, 10**6), st.integers(1, 4), st.integers(0, 3), st.floats(0.2, 1.6), st.floats(0.0, 10.0))
 def test_our_drone_gets_what_an_event_simulation_with_it_gives(seed, pads, spots, utilisation, after_h):
     path = sampled(pads, spots, seed, utilisation, start_h=0.0, hours=18.0)
@@ -86,7 +86,7 @@ def test_our_drone_gets_what_an_event_simulation_with_it_gives(seed, pads, spots
     assert float(path.land_time(ours_s)) == pytest.approx(landing, abs=1e-6)
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(
     st.integers(0, 10**6), st.integers(1, 4), st.integers(0, 3), st.floats(0.0, 2.0), st.integers(0, 12)
 )  # fmt: skip
@@ -284,7 +284,7 @@ def test_paths_of_several_stations_are_those_of_their_deviates():
         assert left[left_offset[number] : left_offset[number + 1]] == pytest.approx(later, rel=1e-12)
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(st.integers(0, 10**6), st.floats(-1.0, 13.0), st.lists(st.floats(0.0, 13.0), min_size=1, max_size=20))
 def test_paths_sampled_until_some_time_are_those_of_the_whole_horizon_up_to_then(seed, until_h, asked_h):
     load = steady_load(0.9, 5)
@@ -352,7 +352,7 @@ def test_packed_paths_answer_as_the_paths_do():
             assert np.array_equal(getattr(twice[number], name), getattr(path, name))
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(st.lists(st.floats(0.0, 5_000.0), min_size=1, max_size=30), st.floats(60.0, 1_800.0))
 def test_expected_waits_become_a_path_on_which_nobody_overtakes(waits, step):
     path = expected_path(START, step, waits)

@@ -134,7 +134,7 @@ def test_after_weeks_of_the_same_load_the_start_is_forgotten(utilisation):
         assert found[-1] == pytest.approx(stationary(5, 5 * utilisation, states), abs=2e-6)
 
 
-@settings(max_examples=12, deadline=None)
+@settings(max_examples=12)
 @given(st.integers(1, 4), profiles, st.integers(0, 6), st.floats(600.0, 5000.0))
 def test_the_transient_equals_matrix_exponentials_hour_by_hour(pads, profile, present, step_s):
     arrivals, charging = np.array(profile[0]) / HOUR, np.array(profile[1]) * HOUR
@@ -155,7 +155,7 @@ def test_the_transient_equals_matrix_exponentials_hour_by_hour(pads, profile, pr
             assert found[:size] == pytest.approx(expected[:size], abs=1e-8)
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(st.integers(1, 12), profiles, st.integers(0, 30))
 def test_no_more_mass_is_lost_than_stated(pads, profile, present):
     _, found = transient(pads, np.array(profile[0]) / HOUR, np.array(profile[1]) * HOUR, present)
@@ -238,7 +238,7 @@ def test_busy_pads_seen_all_taken_mean_a_wait_with_nobody_in_the_line():
     assert forecast.wait_s[0] == pytest.approx(HOUR / 5)
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 @given(st.integers(1, 5), profiles, st.integers(0, 20), st.floats(0.0, 3599.0))
 def test_who_arrives_later_is_never_expected_to_start_earlier(pads, profile, busy, offset_s):
     queue = PadQueue(pads, offset_s, 0.0, np.array(profile[0]) / HOUR, np.array(profile[1]) * HOUR, busy)
@@ -249,7 +249,7 @@ def test_who_arrives_later_is_never_expected_to_start_earlier(pads, profile, bus
     assert ((forecast.p_free >= 0.0) & (forecast.p_free <= 1.0)).all()
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 @given(st.integers(1, 5), profiles, st.integers(0, 10), st.floats(1.0, 2.0))
 def test_more_load_or_more_drones_never_shorten_the_wait(pads, profile, busy, factor):
     arrivals, charging = np.array(profile[0]) / HOUR, np.array(profile[1]) * HOUR

@@ -187,7 +187,7 @@ def test_heights_above_the_ellipsoid_and_in_feet_become_metres_above_the_sea(tmp
         read_raster(f"{above}@ellipsoid")
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(st.integers(0, 2**31), st.floats(0.0, 39.0), st.floats(0.0, 49.0))
 def test_between_nodes_the_ground_is_bilinear(tmp_path_factory, seed, row, column):
     values = np.random.default_rng(seed).uniform(-50.0, 900.0, (40, 50)).astype("float32")
@@ -202,7 +202,7 @@ def test_between_nodes_the_ground_is_bilinear(tmp_path_factory, seed, row, colum
     assert found == pytest.approx(expected, abs=1e-2)
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(st.integers(0, 2**31), st.floats(20.0, 400.0))
 def test_the_highest_about_a_place_is_never_below_any_ground_within_the_radius(tmp_path_factory, seed, radius_m):
     rng = np.random.default_rng(seed)

@@ -51,7 +51,7 @@ def test_between_grid_points_and_hours_components_are_interpolated(tmp_path, gri
     np.testing.assert_allclose(north[0], v, atol=2e-3)
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(
     rows=st.integers(1, 5), columns=st.integers(1, 5), a=st.floats(-5, 5), b=st.floats(-5, 5),
     lat=st.floats(40.0, 41.0), lon=st.floats(-74.5, -73.5),
@@ -67,7 +67,7 @@ def test_weights_of_a_lattice_give_linear_fields_back(rows, columns, a, b, lat, 
         np.testing.assert_allclose(weight @ (a * lats + b * lons), a * lat + b * lon, atol=1e-9)
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(
     low=st.floats(1.0, 15.0), exponent=st.floats(0.0, 0.5), turn=st.floats(-60.0, 60.0), height=st.floats(12.0, 99.0)
 )

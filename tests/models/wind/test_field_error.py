@@ -40,7 +40,7 @@ places = st.lists(st.tuples(st.floats(40.5, 40.9), st.floats(-74.3, -73.6)), min
 
 
 @given(places=places)
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 def test_the_error_has_a_covariance_and_there_is_none_at_the_sites(places):
     error = FieldError(0.8)
     lat, lon = (

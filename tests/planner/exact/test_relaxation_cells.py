@@ -27,7 +27,7 @@ def is_allowed(table, segment, entered_s, left_s):
     return all(table.speed_mps[slot, segment] > 0.0 for slot in range(begin, end + 1))
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=200)
 @example([(21601.0, 2.0, 2.0, 2.0)], 0)
 @example([(7141.0, 2.0, 0.0, 0.0)], 0)
 @example([(500.0, 0.0, 20.0, 0.0)], 36)

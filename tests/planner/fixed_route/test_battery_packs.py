@@ -93,7 +93,7 @@ def best_of_all(route, pool):
     return best[0]
 
 
-@settings(max_examples=5, deadline=None)
+@settings(max_examples=5)
 @given(st.integers(0, 10**6), st.integers(1, 3), st.integers(1, 2))
 def test_no_sequence_of_stops_ends_earlier(seed, packs, chargers):
     route, pool = case_of(seed, packs, chargers)
@@ -101,7 +101,7 @@ def test_no_sequence_of_stops_ends_earlier(seed, packs, chargers):
     assert (math.inf if plan is None else plan.end_s) == pytest.approx(best, abs=1e-6)
 
 
-@settings(max_examples=8, deadline=None)
+@settings(max_examples=8)
 @given(st.integers(0, 10**6))
 @example(14383)
 def test_fewer_packs_or_chargers_end_no_earlier_and_enough_of_both_as_without_number(seed):

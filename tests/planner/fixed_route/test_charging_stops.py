@@ -190,19 +190,19 @@ def compare_with_all_plans(seed, **kind):
     return len(plan.stops)
 
 
-@settings(max_examples=4, deadline=None)
+@settings(max_examples=4)
 @given(st.integers(0, 10**6))
 def test_no_plan_on_a_grid_of_seconds_ends_earlier(seed):
     compare_with_all_plans(seed)
 
 
-@settings(max_examples=3, deadline=None)
+@settings(max_examples=3)
 @given(st.integers(0, 10**6))
 def test_nor_where_the_wind_changes_and_pads_are_taken(seed):
     compare_with_all_plans(seed, slots=5, waiting=True)
 
 
-@settings(max_examples=3, deadline=None)
+@settings(max_examples=3)
 @given(st.integers(0, 10**6))
 def test_nor_where_pads_are_there_for_a_while_only(seed):
     compare_with_all_plans(seed, slots=3, waiting=True, windows=True)

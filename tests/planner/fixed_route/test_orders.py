@@ -34,7 +34,7 @@ def end_of(work, tour):
 CASES = [{"units": 2}, {"units": 2, "slots": 3}, {"units": 3, "two_groups": True}, {"units": 3}]
 
 
-@settings(max_examples=6, deadline=None)
+@settings(max_examples=6)
 @given(st.integers(0, 10**6), st.sampled_from(CASES))
 def test_the_bound_is_no_later_than_the_best_of_all_orders(seed, case):
     work = free_order(seed, **case)
@@ -42,7 +42,7 @@ def test_the_bound_is_no_later_than_the_best_of_all_orders(seed, case):
     assert bound_of_orders(work) <= best + 1e-6
 
 
-@settings(max_examples=3, deadline=None)
+@settings(max_examples=3)
 @given(st.integers(0, 10**6), st.sampled_from(CASES), st.booleans())
 def test_the_search_tells_an_order_that_keeps_its_promise_and_no_order_ends_before_the_best(seed, case, walks):
     work = free_order(seed, **case)
@@ -82,20 +82,20 @@ def assert_shared_as_well_as_can_be(seed, units, slots):
     assert crowded.end_s >= best - 1e-6
 
 
-@settings(max_examples=2, deadline=None)
+@settings(max_examples=2)
 @given(st.integers(0, 10**6))
 def test_two_drones_share_the_work_as_well_as_it_can_be(seed):
     assert_shared_as_well_as_can_be(seed, 2, 1)
 
 
 @pytest.mark.slow
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=15)
 @given(st.integers(0, 10**6), st.sampled_from([1, 2]))
 def test_two_drones_share_more_work_as_well_as_it_can_be(seed, slots):
     assert_shared_as_well_as_can_be(seed, 3, slots)
 
 
-@settings(max_examples=3, deadline=None)
+@settings(max_examples=3)
 @given(st.integers(0, 10**6))
 def test_two_drones_are_never_on_one_pad(seed):
     work = replace(free_order(seed, units=2, pads=1), counts=(1,), drones=2)

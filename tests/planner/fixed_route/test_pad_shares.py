@@ -28,7 +28,7 @@ def bookings(draw):
     return counts, stays
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(bookings())
 def test_no_two_drones_ever_have_one_pad_and_each_has_its_stays(case):
     counts, stays = case

@@ -83,7 +83,7 @@ def test_it_lands_with_the_reserve_as_often_as_was_said_wherever_the_wind_is_fro
         assert not turned.any()  # behind the wind a quarter more is plenty
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(
     key=st.sampled_from(KEYS.tolist()), more=st.floats(0.0, 0.4), step=st.floats(0.0, 0.2), wind=st.floats(0.0, 10.0)
 )

@@ -74,7 +74,7 @@ def test_a_policy_is_flown_with_one_path_for_each_place_and_set(policy):
             policy.fly(policy.problem, disturbance, members, wrong)
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(members=INDICES, queue=INDICES, energy=st.lists(HOSTILE, max_size=6), gusts=st.tuples(HOSTILE, HOSTILE))
 def test_hostile_runs_are_refused_or_flown(policy, members, queue, energy, gusts):
     per_leg = np.repeat(np.array(energy, dtype=np.float64)[:, None], len(policy) + 1, axis=1)
@@ -96,7 +96,7 @@ def test_hostile_runs_are_refused_or_flown(policy, members, queue, energy, gusts
                 fly()
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(
     legs=st.lists(
         st.tuples(st.lists(st.integers(-2, 60), max_size=3), st.one_of(st.none(), HOSTILE), HOSTILE), max_size=3
@@ -190,7 +190,7 @@ def test_realizations_name_days_and_queues_that_are_there(policy):
             Realizations(**fixed, **(runs | wrong))
 
 
-@settings(max_examples=80, deadline=None)
+@settings(max_examples=80)
 @given(time_s=HOSTILE, slot=st.integers(-5, 10**9), most=st.integers(0, 9))
 def test_kernels_that_take_any_time_take_any_time(policy, time_s, slot, most):
     air = policy.problem.air
@@ -205,7 +205,7 @@ def test_kernels_that_take_any_time_take_any_time(policy, time_s, slot, most):
     assert covers(profile, profile[:0], 0.0)
 
 
-@settings(max_examples=80, deadline=None)
+@settings(max_examples=80)
 @given(
     pads=st.integers(0, 9),
     spots=st.integers(0, 9),

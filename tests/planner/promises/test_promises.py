@@ -176,7 +176,7 @@ def test_strangers_wait_as_the_queue_model_says_from_what_was_seen_on(work, fore
         assert np.mean(waits) == pytest.approx(expected[node].wait_s[6], abs=4.0 * np.std(waits) / np.sqrt(4000) + 2.0)
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(st.lists(st.one_of(st.floats(0.0, 1e5), st.just(np.inf)), min_size=1, max_size=40), st.floats(0.0, 1e5))
 def test_whatever_the_worlds_the_chance_and_the_quantiles_fit_together(times, by_s):
     found = outlook(np.array(times), by_s)
@@ -187,7 +187,7 @@ def test_whatever_the_worlds_the_chance_and_the_quantiles_fit_together(times, by
         assert sum(np.isinf(times)) >= len(times) / 2
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(st.lists(st.floats(0.01, 1.0), min_size=1, max_size=30), st.integers(1, 300), st.integers(0, 99))
 def test_members_come_as_often_as_they_are_probable(weights, worlds, seed):
     probability = np.array(weights) / np.sum(weights)

@@ -157,7 +157,7 @@ def test_a_destination_without_room_within_the_forecast_is_named_at_once(quiet):
     assert search.labels_expanded == 0
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(
     others=st.lists(st.tuples(st.floats(0.0, 5e4), st.floats(0.0, 3e4)), max_size=8),
     first=st.floats(0.0, 3e4),
@@ -176,7 +176,7 @@ def test_the_latest_arrival_is_the_inverse_of_the_landing(others, first, by, arr
         assert float(queue.land_time(arrival)) > by
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(
     others=st.lists(st.tuples(st.floats(-1e4, 5e4), st.floats(0.0, 3e4)), max_size=8),
     first=st.floats(0.0, 3e4),

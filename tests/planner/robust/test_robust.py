@@ -95,7 +95,7 @@ def test_without_anything_unsure_a_flight_needs_what_it_takes(newyork):
     assert energy(known, problem, segments) == pytest.approx(problem.soc_fixed + problem.soc_per_s * flight, rel=1e-6)
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(gust=st.floats(0.05, 0.3), low=st.floats(1e-5, 0.05))
 def test_a_flight_needs_more_the_gustier_it_is_and_the_surer_one_wants_to_be(newyork, gust, low):
     problem, segments = single(newyork)

@@ -24,7 +24,7 @@ def solved(instance, iterations=5000, seed=0):
     return search, evrptw.routes_of(search, nodes, stations)
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(seed=st.integers(0, 10**6))
 def test_tours_of_small_problems_are_feasible_and_at_the_proved_optimum(seed):
     instance = random_instance(seed, customers=5, stations=3)
@@ -35,7 +35,7 @@ def test_tours_of_small_problems_are_feasible_and_at_the_proved_optimum(seed):
     assert checker.distance_of(instance, routes) == pytest.approx(proof.distance)
 
 
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=15)
 @given(seed=st.integers(0, 10**6))
 def test_tours_of_larger_problems_are_feasible(seed):
     instance = random_instance(seed, customers=30, stations=6)
@@ -61,7 +61,7 @@ def test_no_sequence_of_places_that_a_linear_program_allows_is_shorter_than_what
                     assert load > instance.capacity or not checker.can_be_driven(instance, route)
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(
     chargers=st.integers(1, 3),
     jobs=st.lists(st.tuples(st.integers(1, 9), st.integers(1, 25)), min_size=1, max_size=6),

@@ -56,7 +56,7 @@ def test_what_no_forecast_knows_makes_twenty_drones_in_one_place_count_little_mo
     assert float((sure.east - before.east)[:, 3, far].mean()) > 1.2 * moved[1]
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 @given(st.integers(LEAST_MEMBERS, 40), st.floats(-20, 20), st.floats(0.05, 9.0), st.integers(1, 6))
 def test_members_keep_their_number_names_and_probabilities_and_come_nearer_to_what_was_measured(
     count, east, variance, drones

@@ -97,7 +97,7 @@ def test_an_empty_track_measures_nothing():
     assert len(measurements(blocks(TelemetryTrack.joined(())), DragModel())) == 0
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(cuts=st.lists(st.integers(0, 600), max_size=12))
 def test_how_a_stream_is_cut_does_not_matter(cuts):
     generator = np.random.default_rng(5)
