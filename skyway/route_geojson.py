@@ -9,13 +9,13 @@ from skyway.models.base.units import iso
 
 if TYPE_CHECKING:
     from skyway.models.composition.composition import Composition
+    from skyway.models.composition.service import Stop
 
 
 def route_geojson(composition: Composition) -> dict[str, Any]:
-    """Return a FeatureCollection that any map program shows."""
+    """Return a FeatureCollection that any map program shows: a station that is landed at twice is there twice, once for each stop."""
     out = len(composition.services)
     whole = composition.there_and_back
-    stops = {stop.station: stop for stop in (*reversed(whole.stops), *composition.stops)}
     items: list[dict[str, Any]] = []
     for number, service in enumerate(whole.services, start=1):
         places = [whole.stations[key] for key in (service.origin, *service.via, service.destination)]
@@ -40,16 +40,21 @@ def route_geojson(composition: Composition) -> dict[str, Any]:
         )
     for key in dict.fromkeys(whole.route):
         place = whole.stations[key]
-        properties: dict[str, Any] = {"id": key, "name": place.name, "pads": place.pads}
-        if key in stops:
-            stop = stops[key]
-            properties |= {
-                "arrive": iso(stop.arrive),
-                "wait_s": stop.wait_s,
-                "recharge_s": stop.recharge_s,
-                "soc_from": stop.soc_from,
-                "soc_to": stop.soc_to,
-            }
+        properties = {"id": key, "name": place.name, "pads": place.pads}
+        landed = [_stop(stop) for stop in whole.stops if stop.station == key]
         point = {"type": "Point", "coordinates": [place.lon, place.lat]}
-        items.append({"type": "Feature", "geometry": point, "properties": properties})
+        items += (
+            {"type": "Feature", "geometry": point, "properties": properties | stop}
+            for stop in landed or [dict[str, Any]()]
+        )
     return {"type": "FeatureCollection", "features": items}
+
+
+def _stop(stop: Stop) -> dict[str, Any]:
+    return {
+        "arrive": iso(stop.arrive),
+        "wait_s": stop.wait_s,
+        "recharge_s": stop.recharge_s,
+        "soc_from": stop.soc_from,
+        "soc_to": stop.soc_to,
+    }

@@ -31,12 +31,14 @@ def route_kml(composition: Composition) -> str:
             f"<styleUrl>#{style}</styleUrl><LineString><altitudeMode>relativeToGround</altitudeMode><coordinates>{line}</coordinates>"
             "</LineString></Placemark>"
         )
-    stops = {stop.station: stop for stop in (*reversed(c.stops), *composition.stops)}
-    for name in dict.fromkeys((c.origin, *stops, composition.destination, c.destination)):
+    for name in dict.fromkeys((c.origin, *(stop.station for stop in c.stops), composition.destination, c.destination)):
         place = c.stations[name]
         says = place.name or name
-        if name in stops and stops[name].recharge_s:
-            says += f"; waits {duration(stops[name].wait_s)}, charges {duration(stops[name].recharge_s)} to {percent(stops[name].soc_to)}"
+        for stop in c.stops:
+            if stop.station == name and stop.recharge_s:
+                says += (
+                    f"; waits {duration(stop.wait_s)}, charges {duration(stop.recharge_s)} to {percent(stop.soc_to)}"
+                )
         point = f"<Point><coordinates>{place.lon:.7f},{place.lat:.7f}</coordinates></Point>"
         parts.append(
             f"<Placemark><name>{_text(name)}</name><description>{_text(says)}</description>{point}</Placemark>"

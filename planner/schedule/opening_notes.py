@@ -22,7 +22,6 @@ def opening_notes(problem: Problem, services: Sequence[DroneService], stops: Seq
     """Yield a note for each wait for a station to open: at the station itself, or before a flight to one without holding spots."""
     index, stations = problem.network.index, problem.network.stations
     depart, zone = problem.request.state.time, ZoneInfo(problem.load.timezone)
-    after = {leg.origin: leg for leg in services}
     earliest = problem.request.not_before
     if earliest is not None:
         waits = [(stop.station, stop.hold_s) for stop in stops if stop.hold_s > SHOWN_S]
@@ -30,7 +29,8 @@ def opening_notes(problem: Problem, services: Sequence[DroneService], stops: Seq
         told = f"the package does not arrive before {clock(earliest, zone, depart)}"
         yield told + (f": the drone holds {at}" if at else "")
     for stop in stops:
-        here, leg = index[stop.station], after.get(stop.station)
+        here = index[stop.station]
+        leg = next((one for one in services if one.origin == stop.station and one.depart >= stop.arrive), None)
         ends_s = stop.arrive.timestamp() + stop.wait_s + stop.recharge_s
         for begin_s, end_s in _closed(problem, here):
             if stop.recharge_s > 0.0 and min(end_s, ends_s) - max(begin_s, stop.arrive.timestamp()) > SHOWN_S:

@@ -296,17 +296,16 @@ def _name_stops(
 ) -> None:
     """Name the stations of the route, and what is done there."""
     paper = {"facecolor": "white", "alpha": 0.75, "edgecolor": "none", "pad": 0.8}
-    stops = {stop.station: stop for stop in composition.stops}
-    charging = [key for key in landings if key in stops and stops[key].recharge_s > 0]
+    charging = [key for key in landings if any(one.station == key and one.recharge_s > 0 for one in composition.stops)]
     rest = [key for key in composition.route if key not in charging]
     for key in dict.fromkeys((*charging, composition.origin, composition.destination, *rest)):
         if key not in at:
             continue
         text = key
-        if key in charging:
-            stop = stops[key]
-            text += f"\n{from_to(stop.soc_from, stop.soc_to)} % in {duration(stop.recharge_s)}"
-            text += f"\nwait {duration(stop.wait_s)}" if stop.wait_s >= 90 else ""
+        for stop in composition.stops:
+            if stop.station == key and stop.recharge_s > 0:
+                text += f"\n{from_to(stop.soc_from, stop.soc_to)} % in {duration(stop.recharge_s)}"
+                text += f"\nwait {duration(stop.wait_s)}" if stop.wait_s >= 90 else ""
         font_pt = (8.0 if len(landings) <= 8 else 7.0) if key in landings else 6.5
         placer.place(text, *at[key], gap=7, fontsize=font_pt, color=INK, zorder=6, bbox=paper)
 

@@ -231,11 +231,13 @@ def _winds(document: FlightReport) -> str:
 
 
 def _stops(document: FlightReport) -> str:
-    planned = {stop.station: stop for stop in document.planned.stops}
+    planned = list(document.planned.stops)
     head = ("station", "landed", "left", "waited", "typical", "charged for", "typical", "charge", "typical")
     body = []
     for stop in document.stops:
-        was = planned.get(stop.station)
+        was = next((one for one in planned if one.station == stop.station), None)
+        if was is not None:
+            planned.remove(was)  # a station may be landed at twice
         body.append(
             (
                 stop.station or UNKNOWN, utc_clock(stop.arrive_s), utc_clock(stop.leave_s), counter(stop.wait_s),

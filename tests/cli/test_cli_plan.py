@@ -6,6 +6,7 @@ import shutil
 import subprocess
 import sys
 from datetime import datetime
+from html import escape
 from itertools import pairwise
 
 import pytest
@@ -13,6 +14,7 @@ from cli_requests import HOP, ONE_WIND, TRIP
 from one_leg import wind_triangle
 
 from skyway.missions.examples import NEW_YORK
+from skyway.models.base.formatting import duration, from_to, percent
 from skyway.models.composition.file import load
 
 TOP = {
@@ -293,6 +295,24 @@ def test_files_are_written_once_and_overwritten_only_by_force(skyway, tmp_path):
     assert (tmp_path / "plan.svg").read_bytes() == picture
     assert skyway("plan", *HOP, *outputs, "--force").code == 0
     assert (tmp_path / "plan.svg").read_bytes() == picture  # the same plan gives the same bytes
+
+
+def test_a_station_that_is_landed_at_twice_has_both_stops_in_every_file_and_picture(skyway, tmp_path):
+    wanted = ("yankee-stadium", "columbia", "yankee-stadium", "columbia")
+    route = [word for station in wanted for word in ("--stop-at", station)]
+    outputs = ("-o", "plan.json", "--geojson", "route.geojson", "--kml", "route.kml", "--plot", "plan.svg")
+    answer = skyway("plan", *HOP, *ONE_WIND, "--payload", "1.4", *route, *outputs)
+    assert answer.code == 0, answer.err
+    stops = [stop for stop in load(tmp_path / "plan.json").stops if stop.station == "columbia"]
+    assert [stop.recharge_s > 0.0 for stop in stops] == [True, True]
+    features = json.loads((tmp_path / "route.geojson").read_text())["features"]
+    points = [one["properties"] for one in features if one["properties"].get("id") == "columbia"]
+    assert [(one["soc_from"], one["soc_to"]) for one in points] == [(stop.soc_from, stop.soc_to) for stop in stops]
+    charged = [f"charges {duration(stop.recharge_s)} to {percent(stop.soc_to)}" for stop in stops]
+    kml = (tmp_path / "route.kml").read_text()
+    assert kml.index(charged[0]) < kml.index(charged[1])
+    picture = (tmp_path / "plan.svg").read_text()
+    assert all(escape(f"{from_to(stop.soc_from, stop.soc_to)} %") in picture for stop in stops)
 
 
 def test_the_same_request_gives_the_same_plan(plan_json):
