@@ -13,11 +13,10 @@ from skyway.link.supervisor.journal import fields as of
 from skyway.models.base.errors import InputError
 from skyway.models.base.fields import finite
 from skyway.models.base.formatting import duration, percent, zone_clock
-from skyway.models.base.units import from_posix, parse_instant
-from skyway.models.composition.file import to_json
+from skyway.models.base.units import from_posix
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Sequence
     from datetime import datetime
 
     from skyway.link.supervisor.job import Outcome
@@ -195,43 +194,6 @@ def heights(scenario: Scenario | None, given: list[str] | None) -> dict[str, flo
             raise InputError("no such station", field="--elevation", value=name)
         found[name.strip()] = metres
     return found
-
-
-def resumed_from(journal: Path) -> datetime:
-    """Return when the delivery of a journal was begun. An `InputError` refuses one that has ended well: nothing is left to do."""
-    from skyway.link.supervisor import State, read_journal
-    from skyway.link.supervisor.journal.entries import StateEntered
-
-    records = read_journal(journal).records
-    entered = [(record, entry) for record in records if (entry := record.entry(StateEntered))]
-    last, state = entered[-1] if entered else (records[0], None)
-    if state is not None and state.after in (State.DELIVERED, State.DONE):
-        remedy = (
-            f"nothing is left to fly; skyway params restore {journal} sets back what may still be changed on the drone"
-        )
-        raise InputError(f"ended at {last.time}: {last.reason}", str(journal), field="--resume", remedy=remedy)
-    return parse_instant(records[0].time)
-
-
-def refuse_other_journal(composition: Composition, journal: Path) -> None:
-    """Raise an `InputError` if a journal is of another delivery than a plan."""
-    from skyway.link.supervisor import read_journal
-    from skyway.link.supervisor.journal.entries import Start
-
-    start = read_journal(journal).records[0].entry(Start)
-    begun = {} if start is None else start.composition
-    ours, theirs = (_delivery(one) for one in (to_json(composition), begun))
-    if ours != theirs:
-        begun_with, given = (" to ".join(str(one) for one in told[:2]) for told in (theirs, ours))
-        problem = f"is of another delivery: {begun_with}, not {given}"
-        if begun_with == given:
-            problem = f"is of another plan of {given}: its departure, drone or package differ"
-        raise InputError(problem, str(journal), field="--resume", remedy="give the plan that it was begun with")
-
-
-def _delivery(composition: Mapping[str, object]) -> tuple[object, ...]:
-    """Return what makes a delivery this one, of a composition as stored."""
-    return tuple(composition.get(name) for name in ("from", "to", "depart", "drone", "payload_kg"))
 
 
 def journal_name(origin: str, destination: str, now: datetime) -> str:

@@ -21,7 +21,7 @@ from skyway.models.base.errors import Fault, InputError
 from skyway.models.base.files import read_bytes, read_text
 from skyway.models.base.json_text import json_text, plain
 from skyway.recharge.asking import Asked, options_of, pads_of, region_of, stands_of, with_home
-from skyway.recharge.output import SUMMARY, identity_of, mission_texts
+from skyway.recharge.output import SUMMARY, mission_texts
 from skyway.recharge.recharged import recharged
 
 if TYPE_CHECKING:
@@ -161,19 +161,6 @@ def opened(folder: Path) -> OpenedSet:
         problem = f"this version of skyway would cut the mission differently ({differ[0]} differs)"
         raise InputError(problem, str(folder), remedy=CUT_AGAIN)
     return OpenedSet(folder, made_of, document, region, zones, found, str(data["sha256"]))
-
-
-def refuse_other_journal(cut: OpenedSet, journal: Path) -> None:
-    """Raise an `InputError` if a journal does not belong to this set."""
-    from skyway.link.supervisor import read_journal
-    from skyway.link.supervisor.journal.entries import Start
-
-    records = read_journal(journal).records
-    start = records[0].entry(Start) if records else None
-    told = None if start is None else start.composition.get("id")
-    if told != identity_of(cut.found):
-        remedy = "give the folder of its flight, or another journal"
-        raise InputError("is not a journal of this set", str(journal), field="--resume", remedy=remedy)
 
 
 def sets_in(folder: Path) -> tuple[Path, ...]:

@@ -26,6 +26,7 @@ if TYPE_CHECKING:
 
     from skyway.cli.views.flight import FlightView
     from skyway.flights.live import LiveFile
+    from skyway.flights.resuming import Begun
     from skyway.link.pads import TcpPads
     from skyway.link.supervisor import DeliveryJob, Operator, Outcome
     from skyway.link.supervisor.context import Context
@@ -120,6 +121,7 @@ def fly(
       skyway fly plan.json --connect tcp:127.0.0.1:5760 --pads tcp:127.0.0.1:5790 --resume recordings/delivery.jsonl
     """
     from skyway import flying
+    from skyway.flights.resuming import begun_in
     from skyway.link.pads import TcpPads
     from skyway.link.supervisor import DeliveryJob
     from skyway.link.vehicle.health_book import HealthBook
@@ -136,8 +138,7 @@ def fly(
     )
     options.refuse_overwriting(journal, report, force=False)
     parameters = typed_values.planner_parameters(settings)
-    rule = seen.rule()
-    begun = None if resume is None else flying.resumed_from(resume)
+    begun = None if resume is None else begun_in(resume)
     drag_model = None if drag is None else read_drag(drag)
     how: dict[str, Any] = {
         "replanning": not no_replan,
@@ -145,12 +146,12 @@ def fly(
         "asking": "never" if yes else "each" if manual else "once",
         "set_parameters": not keep_parameters,
         "restore_parameters": not no_restore,
-        "traffic": rule,
+        "traffic": seen.rule(),
     }
     service = None if pads == "manual" else TcpPads(pads)  # people tend the pads, or a service does
     if plan.is_dir():
         _refuse_of_delivery(scenario=scenario, terrain=terrain, obstacles=obstacles, zones=zones, elevation=elevation)
-        cut, work_at = _work(plan, wind, forecast, observed, drag_model, how, resume)
+        cut, work_at = _work(plan, wind, forecast, observed, drag_model, how, begun)
         if yes and service is None and cut.found.plan.stops:
             problem = "--yes and --pads manual exclude each other, since nobody could confirm the charging"
             raise InputError(problem, field="--pads", value=pads, remedy="give --pads tcp:HOST:PORT, or remove --yes")
@@ -172,8 +173,8 @@ def fly(
         )
         return
     composition = load(plan)
-    if resume is not None:
-        flying.refuse_other_journal(composition, resume)
+    if begun is not None:
+        begun.refuse_other_delivery(composition)
     region = flying.scenario_of(composition, scenario, terrain, obstacles, zones or ())
     who = seen.remote_id(region.remote_id)
     how["health"] = HealthBook(link.record, ZoneInfo(region.timezone))
@@ -193,13 +194,14 @@ def fly(
     def job(now: datetime, vehicle: Vehicle) -> DeliveryJob:  # noqa: ARG001  any vehicle flies a plan
         winds = _observed(region, observed, now, wind)
         times = (one.time_s for one in winds(now.timestamp()))
-        begin = min([(begun or now).timestamp(), *times]) if not forecast else None
+        since = now if begun is None else begun.at
+        begin = min([since.timestamp(), *times]) if not forecast else None
         known = typed_values.wind_forecast(
-            region, begun or now if begin is None else from_posix(begin), wind, forecast, None, None
+            region, since if begin is None else from_posix(begin), wind, forecast, None, None
         )
         return DeliveryJob(
             composition=composition,
-            scenario=fleet_in_air(region, known, (begun or now).timestamp()),
+            scenario=fleet_in_air(region, known, since.timestamp()),
             request=request,
             forecast=known,
             observed=winds,
@@ -221,17 +223,18 @@ def _work(
     observed: list[str] | None,
     drag: DragModel | None,
     how: dict[str, Any],
-    resume: Path | None,
+    begun: Begun | None,
 ) -> tuple[OpenedSet, Callable[[datetime, Vehicle], DeliveryJob]]:
     """Open the folder of a cut mission; returns it, and what makes it a job."""
     from skyway.recharge.flying.work_job import WorkAsked, work_of_set
-    from skyway.recharge.made_of import opened, refuse_other_journal
+    from skyway.recharge.made_of import opened
+    from skyway.recharge.output import identity_of
 
     if wind is not None:
         typed_values.parse_wind(wind)
     cut = opened(folder)
-    if resume is not None:
-        refuse_other_journal(cut, resume)
+    if begun is not None:
+        begun.refuse_other_set(identity_of(cut.found))
 
     def seen(region: Scenario, now: datetime) -> LiveWinds:
         return _observed(region, observed, now, wind)
