@@ -56,13 +56,18 @@ class InformedProblem(Problem):
     revealed: dict[int, QueuePath]
 
     def queue_sets(
-        self, nodes: Iterable[int], samples: Sequence[int], seed: int | None = None, until_s: float = math.inf
+        self,
+        nodes: Iterable[int],
+        samples: Sequence[int],
+        seed: int | None = None,
+        until_s: float = math.inf,
+        among: Sequence[int] = (),
     ) -> list[dict[int, QueuePath]]:
         """Return the true queues."""
         mine = None if self.in_flight else self.origin
         return [
             {node: path if node == mine else self.revealed.get(node, path) for node, path in sampled.items()}
-            for sampled in super().queue_sets(nodes, samples, seed, until_s)
+            for sampled in super().queue_sets(nodes, samples, seed, until_s, among)
         ]
 
 

@@ -14,7 +14,7 @@ from skyway.models.base.units import S_PER_H
 from skyway.models.flight.kernels import NEVER
 from skyway.planner.online.turn_back import USUAL_FLIGHT_S
 from skyway.planner.problem.flight_table import FlightTable, ground_speeds, table_land, table_slot, table_slot_end
-from skyway.planner.problem.sampled_queues import SampledQueues, SampledSets
+from skyway.planner.problem.sampled_queues import SampledQueues
 from skyway.planner.problem.speeds import TrueSpeeds
 from skyway.planner.robust.uncertain_wind_kernels import careful_speeds, gust_mean
 
@@ -126,10 +126,10 @@ def draw_futures(p: Problem, known: Known, belief: EnergyBelief, count: int) -> 
     slots = min(int(air.north.shape[1]), 1 + int(ahead_s // air.slot_s))
     against = sigmas * gust_mean(known, USUAL_FLIGHT_S)
     drawn = zip(members.tolist(), energy.tolist(), gusts.tolist(), strict=True)
-    queues = SampledSets(p, range(len(members)))
+    every = range(len(members))
     return [
         Future(
-            air, member, CarefulSpeeds(air, member, slots, against), SampledQueues(p, sample, queues), multiple, gust,
+            air, member, CarefulSpeeds(air, member, slots, against), SampledQueues(p, sample, every), multiple, gust,
             sigmas,
         )
         for sample, (member, multiple, gust) in enumerate(drawn)

@@ -324,10 +324,19 @@ class Problem:
         return self.queue_sets(nodes, [sample], seed)[0]
 
     def queue_sets(
-        self, nodes: Iterable[int], samples: Sequence[int], seed: int | None = None, until_s: float = math.inf
+        self,
+        nodes: Iterable[int],
+        samples: Sequence[int],
+        seed: int | None = None,
+        until_s: float = math.inf,
+        among: Sequence[int] = (),
     ) -> list[dict[int, QueuePath]]:
-        """Several sampled realisations of the other drones at each of some stations; what happens after `until_s` may be missing."""
-        return self.queue_samples.sets(self, nodes, samples, self.request.seed if seed is None else seed, until_s)
+        """Several sampled realisations of the other drones at each of some stations; what happens after `until_s` may be missing.
+
+        Those `among` which they are, if given, are sampled with them.
+        """
+        known = self.request.seed if seed is None else seed
+        return self.queue_samples.sets(self, nodes, samples, known, until_s, among)
 
     def many_queues(
         self, nodes: Sequence[int], stream: int, count: int, until_s: float | NDArray[np.float64] = math.inf

@@ -34,11 +34,17 @@ class QueueSamples:
         self._many: dict[tuple[int, int, int], dict[int, tuple[NDArray[np.float64], PackedPaths]]] = {}
 
     def sets(
-        self, p: Problem, nodes: Iterable[int], samples: Sequence[int], seed: int, until_s: float = math.inf
+        self,
+        p: Problem,
+        nodes: Iterable[int],
+        samples: Sequence[int],
+        seed: int,
+        until_s: float = math.inf,
+        among: Sequence[int] = (),
     ) -> list[dict[int, QueuePath]]:
         """Return some realizations of the other drones at each of some stations.
 
-        What happens after `until_s` may be missing.
+        What happens after `until_s` may be missing. Those `among` which they are, if given, are sampled with them.
         """
         wanted = list(dict.fromkeys(nodes))
         until_s = until_s if until_s < p.depart_s + self._hours * S_PER_H else math.inf
@@ -46,10 +52,12 @@ class QueueSamples:
         nothing = -math.inf, no_queue()
         missing = [node for node in wanted if any(paths.get(node, nothing)[0] < until_s for paths in kept)]
         if missing:
-            seeds = [(seed, sample) for sample in samples]
+            together = among or samples
+            seeds = [(seed, sample) for sample in together]
             pads, spots, hours = p.network.pads, p.holding_spots, self._hours
             found = sample_sets(p.load, pads, spots, missing, p.depart_s, hours, seeds, p.busy, p.pads_free_s, until_s)
-            for known, paths in zip(kept, found, strict=True):
+            for sample, paths in zip(together, found, strict=True):
+                known = self._sets.setdefault((seed, sample), {})
                 known |= {node: (until_s, p.while_open(node, paths[node])) for node in missing}
         return [{node: paths[node][1] for node in wanted} for paths in kept]
 

@@ -137,12 +137,11 @@ def fly(
         manual=manual, yes=yes, journal=journal, resume=resume, keep=keep_parameters, no_restore=no_restore
     )
     options.refuse_overwriting(journal, report, force=False)
-    parameters = typed_values.planner_parameters(settings)
     begun = None if resume is None else begun_in(resume)
     drag_model = None if drag is None else read_drag(drag)
     how: dict[str, Any] = {
         "replanning": not no_replan,
-        "parameters": parameters,
+        "parameters": typed_values.planner_parameters(settings),
         "asking": "never" if yes else "each" if manual else "once",
         "set_parameters": not keep_parameters,
         "restore_parameters": not no_restore,
