@@ -297,6 +297,16 @@ def test_files_are_written_once_and_overwritten_only_by_force(skyway, tmp_path):
     assert (tmp_path / "plan.svg").read_bytes() == picture  # the same plan gives the same bytes
 
 
+def test_the_file_of_a_plan_is_what_json_prints(skyway, tmp_path):
+    asked = (*HOP, "--drone", "m200", "--as-flown", "20", "--alternatives", "2", "--json", "-o", "plan.json")
+    answer = skyway("plan", *asked)
+    assert answer.code == 0, answer.err
+    told = json.loads(answer.out)
+    assert {"bound", "as_flown", "alternatives"} <= set(told)
+    assert json.loads((tmp_path / "plan.json").read_text()) == told
+    assert load(tmp_path / "plan.json").destination == "jacobi"
+
+
 def test_a_station_that_is_landed_at_twice_has_both_stops_in_every_file_and_picture(skyway, tmp_path):
     wanted = ("yankee-stadium", "columbia", "yankee-stadium", "columbia")
     route = [word for station in wanted for word in ("--stop-at", station)]

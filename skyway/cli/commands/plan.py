@@ -158,12 +158,12 @@ def _check_asked(files: _Files, contact: list[str] | None, as_flown: int, *, for
 def _write(files: _Files, report: PlanReport, contact: Sequence[str], *, force: bool) -> None:
     """Write a plan to the files asked for."""
     from skyway.models.base.files import write_atomically
-    from skyway.models.composition.file import save
+    from skyway.plan_document import plan_document
 
     result = report.result
     composition, scenario = result.composition, result.problem.scenario
     if files.output is not None:
-        save(composition, files.output, force=force)
+        write_atomically(files.output, json_text(plan_document(report), indent=1) + "\n", force=force)
     if files.geojson is not None:
         from skyway.route_geojson import route_geojson
 
