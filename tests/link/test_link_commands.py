@@ -223,6 +223,30 @@ def test_a_refused_upload_exits_with_3_and_gives_the_vehicles_words(run, tmp_pat
     assert "verified" not in text
 
 
+def test_a_mission_with_errors_is_not_sent_unless_that_is_asked_for(run, tmp_path):
+    file = tmp_path / "in-the-air.plan"
+    write(MissionDocument(Mission(a_mission(8).items[:-1])), file)
+    with served(tcp_port=0, autopilot="px4") as there:
+        port = there.where()[1]
+        for wanted in ([], ["--yes"], ["--yes", "--json"]):
+            code, text = run("upload", file, *wanted, port=port)
+            assert code == 2
+            first, last = text.splitlines()
+            assert first == (
+                f"{file}: item 6: the mission ends in the air: there is no LAND or RETURN_TO_LAUNCH after this item; add a LAND"
+            )
+            assert (
+                last == f"{file}: nothing was sent; correct the mission, or upload it all the same with --with-errors"
+            )
+        assert run("verify", file, port=port)[0] == 1
+        code, text = run("upload", file, "--with-errors", port=port)
+        assert (code, "error: item 6: the mission ends in the air" in text) == (0, True)
+        code, text = run("upload", file, "--with-errors", "--yes", "--json", port=port)
+        assert code == 0
+        assert [found["code"] for found in json.loads(text)["findings"]][:1] == ["no-landing"]
+        assert run("verify", file, port=port)[0] == 0
+
+
 def test_json_says_the_same_as_the_lines(run, plan, tmp_path):
     with served(tcp_port=0, autopilot="ardupilot") as there:
         port = there.where()[1]

@@ -22,8 +22,8 @@ if TYPE_CHECKING:
     from skyway.link.protocol.parameters import ParameterCheck
     from skyway.link.protocol.verified import Part, UploadOutcome
     from skyway.link.vehicle.vehicle import Identity, Vehicle
-    from skyway.missions.autopilots.family import Family
     from skyway.missions.items.document import MissionDocument
+    from skyway.missions.items.finding import Finding
     from skyway.missions.items.parameters import Parameter
 
 
@@ -69,10 +69,14 @@ def upload(
     ] = None,
     yes: Yes = False,
     armed: Armed = False,
+    with_errors: Annotated[
+        bool, typer.Option("--with-errors", help="Upload it although the check of the mission finds errors.")
+    ] = False,
     as_json: options.AsJson = False,
 ) -> None:
-    """Upload a mission with its fence and rally points, read it back, and compare.
+    """Check a mission with its fence and rally points, upload it, read it back, and compare.
 
+    A mission with errors (as of skyway check, for the vehicle's autopilot) is refused.
     Without --yes nothing is sent; the mission is shown with its differences from the vehicle's.
 
     Examples
@@ -81,27 +85,32 @@ def upload(
       skyway upload delivery.plan --connect /dev/ttyUSB0,57600 --yes
       skyway upload delivery.waypoints --connect tcp:127.0.0.1:5760 --system 2 --parameters delivery.param --yes
     """
-    from skyway.cli.views.link import PartSent, UploadReport, VehicleIdentity, show_outcome
+    from skyway.cli.views.link import PartSent, UploadReport, VehicleIdentity, show_findings, show_outcome
     from skyway.link.protocol.parameter_file import read_required
+    from skyway.missions import check
 
     document, parts = _read_parts(file)
     wanted = () if parameters is None else read_required(parameters)
     with link.aboard() as vehicle:
-        _refuse_what_cannot_be_flown(document, vehicle.family)
         identity = vehicle.identify()
         if not as_json:
             typer.echo(str(identity))
+        findings = check(document, dialect=vehicle.family).findings
+        if not with_errors:
+            _refuse_errors(file, findings)
+        if not as_json:
+            show_findings(findings)
         if yes:
             refuse_armed(vehicle, "upload a mission", allowed=armed)
         checks = _check_parameters(vehicle, wanted, yes=yes, as_json=as_json)
         if not yes:
-            _show_dry_run(vehicle, identity, parts, checks, as_json=as_json)
+            _show_dry_run(vehicle, identity, parts, checks, findings, as_json=as_json)
             return
         vehicle.check_ground_station()
         outcomes = _send(vehicle, parts)
     report = UploadReport(
         ok=all(outcome.verified for outcome in outcomes), sent=True, vehicle=VehicleIdentity.of(identity),
-        parameters=checks, parts=[PartSent.of(outcome) for outcome in outcomes],
+        findings=findings, parameters=checks, parts=[PartSent.of(outcome) for outcome in outcomes],
     )  # fmt: skip
     if as_json:
         typer.echo(json_text(report))
@@ -112,11 +121,16 @@ def upload(
         raise typer.Exit(3)
 
 
-def _refuse_what_cannot_be_flown(document: MissionDocument, family: Family) -> None:
-
-    found = [finding for finding in family.cannot_fly(document) if finding.severity == "error"]
-    faults = [Fault(f.message, field=None if f.item is None else f"item {f.item}", remedy=f.remedy) for f in found]
-    refuse(faults)
+def _refuse_errors(file: Path, findings: Sequence[Finding]) -> None:
+    """Refuse a mission with errors, and name the option that sends it all the same."""
+    found = [finding for finding in findings if finding.severity == "error"]
+    faults = [
+        Fault(f.message, str(file), field="mission" if f.item is None else f"item {f.item}", remedy=f.remedy)
+        for f in found
+    ]
+    if faults:
+        remedy = "correct the mission, or upload it all the same with --with-errors"
+        refuse([*faults, Fault("nothing was sent", str(file), remedy=remedy)])
 
 
 def _check_parameters(
@@ -149,7 +163,13 @@ def _parameter_state(vehicle: Vehicle, check: ParameterCheck, *, yes: bool) -> t
 
 
 def _show_dry_run(
-    vehicle: Vehicle, identity: Identity, parts: list[Part], checks: list[ParameterState], *, as_json: bool
+    vehicle: Vehicle,
+    identity: Identity,
+    parts: list[Part],
+    checks: list[ParameterState],
+    findings: tuple[Finding, ...],
+    *,
+    as_json: bool,
 ) -> None:
     from skyway.cli.views.link import PartDifference, PartPlanned, UploadReport, VehicleIdentity, show_plan
     from skyway.link.protocol.verified import kind_of
@@ -162,7 +182,9 @@ def _show_dry_run(
             show_plan(part, differences)
     if as_json:
         who = VehicleIdentity.of(identity)
-        typer.echo(json_text(UploadReport(ok=True, sent=False, vehicle=who, parameters=checks, parts=rows)))
+        typer.echo(
+            json_text(UploadReport(ok=True, sent=False, vehicle=who, findings=findings, parameters=checks, parts=rows))
+        )
     else:
         typer.echo("nothing was sent; add --yes to upload")
 

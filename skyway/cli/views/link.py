@@ -11,6 +11,7 @@ import msgspec
 import typer
 
 from skyway.cli.views.sheet import Column, Sheet
+from skyway.missions.items.finding import Finding
 from skyway.models.base.formatting import stored_degrees
 
 if TYPE_CHECKING:
@@ -100,6 +101,8 @@ class UploadReport(msgspec.Struct, frozen=True, kw_only=True):
     ok: bool
     sent: bool
     vehicle: VehicleIdentity
+    findings: tuple[Finding, ...] = ()
+    """As of ``skyway check``."""
     parameters: list[ParameterState]
     parts: list[PartSent] | list[PartPlanned]
 
@@ -147,6 +150,13 @@ def progress() -> Callable[[str, int, int], None] | None:
         sys.stderr.flush()
 
     return told
+
+
+def show_findings(findings: Sequence[Finding]) -> None:
+    """Print errors and warnings, as ``skyway check`` does."""
+    for finding in findings:
+        if finding.severity != "info":
+            typer.echo(str(finding))
 
 
 def show_plan(part: Part, differences: Sequence[Difference]) -> None:
