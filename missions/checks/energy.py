@@ -55,7 +55,8 @@ class FlightConditions:
     stations : tuple of Station
         Stations with pads; if empty, nothing is known of pads, and any hold on the ground charges.
     drone_is_assumed : bool
-        The vehicle was not named: a violation of its limits is a warning, not an error.
+        The vehicle was not named: a violation of its limits is a warning, not an error, unless it follows from what was
+        stated (`is_stated`).
     manoeuvres : bool
         Turns, the gain of speed, and the last metres of landings count (`missions.checks.manoeuvres`).
     """
@@ -71,6 +72,11 @@ class FlightConditions:
     drone_is_assumed: bool = False
     manoeuvres: bool = False
 
+    @property
+    def is_stated(self) -> bool:
+        """Whether a package, a wind or a charge was stated, rather than an empty, full vehicle in still air."""
+        return self.payload_kg > 0.0 or self.soc_start < 1.0 or self.weather != SteadyWind()
+
 
 @dataclass(frozen=True, slots=True)
 class LegEnergy:
@@ -83,11 +89,12 @@ class LegEnergy:
     distance_m : float
         Along the route.
     time_s, energy_wh, soc_end : float or None
-        Mean over the winds in which it is flyable; None if there are none, or the flight has no end.
+        Mean over the winds in which it is flyable; None if there are none, or the flight has no end. The charge is also
+        None if that at take-off is unknown.
     p_reserve : float or None
         Probability that the landing keeps the reserve.
     soc_start : float
-        State of charge at take-off.
+        State of charge at take-off; NaN where the battery or the wind does not let the flight before reach its end.
     p_flyable : float
         Probability that the wind lets it fly.
     least_airspeed_margin_mps : float
@@ -161,17 +168,24 @@ def leg_energies(mission: Mission, route: Route, conditions: FlightConditions) -
         clock_s = clock_s + _or_typical(flown.time_s, flown.flyable, weight) + (leg.ground_hold_s or 0.0)
         end = legs[-1].soc_end
         height_m = leg.next_ground_m
+        if end is None or end <= 0.0:
+            soc, end = math.nan, math.nan
         if leg.ground_hold_s != 0.0 and (pad is not None or not conditions.stations):
             power_w = pad.recharge_power_w if pad else None
-            soc = charged(conditions.drone, end or 0.0, leg.ground_hold_s, power_w)
+            soc = charged(conditions.drone, end, leg.ground_hold_s, power_w)
             spent_j, turns_j = np.zeros(len(weight)), 0.0
     return tuple(legs)
 
 
 def charged(drone: Drone, soc: float, hold_s: float | None, pad_power_w: float | None = None) -> float:
-    """State of charge after a hold on a pad; a hold that a person ends is assumed to end with a full battery."""
+    """State of charge after a hold on a pad; a hold that a person ends is assumed to end with a full battery.
+
+    NaN if the charge before is unknown, and a timed hold does not tell.
+    """
     if hold_s is None:
         return 1.0
+    if math.isnan(soc):
+        return math.nan
     curve = drone.charging_curve(pad_power_w)
     return float(curve.soc(float(curve.time_from_empty_s(max(soc, 0.0))) + hold_s))
 
@@ -198,9 +212,10 @@ def _leg_energy(
         weight = weight / p_flyable
         time_s = float(weight @ np.where(flown.flyable, flown.time_s, 0.0))
         energy_wh = float(weight @ np.where(flown.flyable, flown.energy_j, 0.0)) / J_PER_WH
-        soc_end = soc - float(weight @ spent_j) / conditions.drone.battery_j
-        budget_j = (soc - conditions.reserve_soc) * conditions.drone.battery_j
-        p_reserve = float(weight @ p_within(spent_j, turns_j, budget_j, conditions.drone.energy_belief))
+        if not math.isnan(soc):
+            soc_end = soc - float(weight @ spent_j) / conditions.drone.battery_j
+            budget_j = (soc - conditions.reserve_soc) * conditions.drone.battery_j
+            p_reserve = float(weight @ p_within(spent_j, turns_j, budget_j, conditions.drone.energy_belief))
     return LegEnergy(
         leg.item_from,
         leg.item_to,

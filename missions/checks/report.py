@@ -35,6 +35,7 @@ if TYPE_CHECKING:
     from skyway.missions.checks.route import Route
     from skyway.models.airspace.airspace import Airspace
     from skyway.models.composition.heights import LegHeights
+    from skyway.models.drones.drone import Drone
     from skyway.models.flight.way_heights import Over
 
 SCHEMA = "skyway.check/1"
@@ -80,7 +81,8 @@ def check(
         Autopilot to check against; by default the one the file names, if any.
     conditions : FlightConditions, optional
         Vehicle, package, charge and wind; by default the built-in M200 V2, empty, in still air, whose limits are
-        then only warnings.
+        then only warnings. Where the vehicle is assumed, but not package, wind or charge, what follows from them is an
+        error.
     zones : Airspace, optional
         Zones, and the greatest height above ground.
     depart_s : float, optional
@@ -140,18 +142,24 @@ def check(
 def _of_the_vehicle(
     mission: Mission, route: Route, legs: Sequence[LegEnergy], conditions: FlightConditions
 ) -> Iterator[Finding]:
-    """Return the violations of this vehicle's limits: at most warnings if it is only assumed."""
+    """Return the violations of this vehicle's limits.
+
+    If it is only assumed they say so, and are at most warnings where nothing was stated that they follow from.
+    """
     drone = conditions.drone
-    found = [
-        *check_speeds(mission, drone),
-        *check_reach(route, drone),
-        *check_energy(route, legs, conditions),
-    ]
-    for finding in found:
-        if conditions.drone_is_assumed and finding.severity != "info":
-            yield replace(finding, severity="warning", message=f"{finding.message} (vehicle assumed: {drone.name})")
-        else:
-            yield finding
+    of_the_drone = [*check_speeds(mission, drone), *check_reach(route, drone)]
+    of_the_flight = [*check_energy(route, legs, conditions)]
+    if conditions.drone_is_assumed:
+        of_the_drone = [_of_assumed(finding, drone) for finding in of_the_drone]
+        of_the_flight = [_of_assumed(finding, drone, stated=conditions.is_stated) for finding in of_the_flight]
+    yield from (*of_the_drone, *of_the_flight)
+
+
+def _of_assumed(finding: Finding, drone: Drone, *, stated: bool = False) -> Finding:
+    if finding.severity == "info":
+        return finding
+    message = f"{finding.message} (vehicle assumed: {drone.name})"
+    return replace(finding, severity=finding.severity if stated else "warning", message=message)
 
 
 def _without_floods(findings: Sequence[Finding]) -> Iterator[Finding]:

@@ -175,6 +175,15 @@ def test_a_sound_mission_checks_with_exit_code_0(run, plan_json):
     assert "leg 1: items 0 to 5" in result.stdout
 
 
+@pytest.mark.parametrize("stated", [("--payload", "5"), ("--wind", "25@200")])
+def test_a_stated_load_or_wind_that_forbids_the_flight_gives_exit_code_1(run, plan_json, stated):
+    run("mission", plan_json, "-o", "out.plan")
+    result = run("check", "out.plan", *stated)
+    assert result.exit_code == 1
+    assert "error: " in result.stdout
+    assert "(vehicle assumed: DJI Matrice 200 V2)" in result.stdout
+
+
 def test_errors_give_exit_code_1_and_json_says_the_same(run, plan_json):
     run("mission", plan_json, "-o", "out.plan", "--armed-hold")
     result = run("check", "out.plan", "--drone", "m200-v2", "--soc", "30", "--autopilot", "px4", "--json")

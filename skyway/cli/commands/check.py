@@ -137,13 +137,15 @@ def _print_report(report: CheckReport) -> None:
             f"leg {number}: items {leg.item_from} to {leg.item_to}",
             distance_text(leg.distance_m),
         ]
-        if leg.time_s is not None and leg.energy_j is not None and leg.soc_end is not None:
-            cells += [
-                duration(leg.time_s),
-                energy_text(leg.energy_j),
-                f"ends at {percent(leg.soc_end)}" if leg.soc_end > 0 else "the battery does not last",
-                f"keeps the reserve with probability {probability(leg.p_reserve, 1)}",
-            ]
+        if leg.time_s is not None and leg.energy_j is not None:
+            cells += [duration(leg.time_s), energy_text(leg.energy_j)]
+            if leg.soc_end is None:
+                cells.append("not judged: the flight before does not reach its landing")
+            else:
+                cells += [
+                    f"ends at {percent(leg.soc_end)}" if leg.soc_end > 0 else "the battery does not last",
+                    f"keeps the reserve with probability {probability(leg.p_reserve, 1)}",
+                ]
         elif report.vehicle_judged:
             cells.append("no end, or cannot be flown")
         typer.echo(", ".join(cells))

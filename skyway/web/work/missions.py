@@ -88,12 +88,11 @@ def _flights(report: CheckReport) -> list[dict[str, str]]:
     found = []
     for leg in report.legs:
         row = {"items": f"{leg.item_from} to {leg.item_to}", "distance": distance_text(leg.distance_m)}
-        if leg.time_s is not None and leg.soc_end is not None:
-            row |= {
-                "time": duration(leg.time_s), "energy": energy_text(leg.energy_j),
-                "ends": percent(leg.soc_end) if leg.soc_end > 0 else "the battery does not last",
-                "kept": probability(leg.p_reserve, 1),
-            }  # fmt: skip
+        if leg.time_s is not None:
+            row |= {"time": duration(leg.time_s), "energy": energy_text(leg.energy_j)}
+        if leg.soc_end is not None:
+            ends = percent(leg.soc_end) if leg.soc_end > 0 else "the battery does not last"
+            row |= {"ends": ends, "kept": probability(leg.p_reserve, 1)}
         found.append(row)
     return found
 

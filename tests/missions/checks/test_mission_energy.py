@@ -140,6 +140,36 @@ def test_a_vehicle_that_nobody_named_is_not_called_an_error():
     assert "vehicle assumed: DJI Matrice 200 V2" in assumed.findings[0].message
 
 
+@pytest.mark.parametrize(
+    ("stated", "code"),
+    [
+        ({"payload_kg": 5.0}, "payload"),
+        ({"weather": SteadyWind(25.0, 200.0)}, "wind-too-strong"),
+        ({"soc_start": 0.4}, "below-reserve"),
+    ],
+)
+def test_what_follows_from_a_stated_package_wind_or_charge_is_an_error_of_an_assumed_vehicle_too(stated, code):
+    report = check(Mission(out(), HOME), conditions=FlightConditions(DRONE, drone_is_assumed=True, **stated))
+    assert not report.ok
+    [finding] = [one for one in report.findings if one.code == code]
+    assert finding.severity == "error"
+    assert finding.message.endswith("(vehicle assumed: DJI Matrice 200 V2)")
+    too_fast = check(Mission(out(25.0), HOME), conditions=FlightConditions(DRONE, drone_is_assumed=True, **stated))
+    assert codes(too_fast)["speed-limit"] == "warning", "it follows from the vehicle alone"
+
+
+def test_a_flight_after_one_that_does_not_arrive_is_not_judged():
+    for first in (out(0.5), out()):
+        weather = SteadyWind() if first == out(0.5) else SteadyWind(13.0, 90.0)
+        report = run(*first, delay(600.0), *back(0.5), weather=weather)
+        assert report.legs[1].soc_end is None
+        assert [one.code for one in report.findings if one.code == "battery-empty"] == (
+            ["battery-empty"] if first == out(0.5) else []
+        )
+    until_charged = MissionItem(Command.COMPONENT_ARM_DISARM, Frame.MISSION, 0.0)
+    assert run(*out(0.5), until_charged, *back()).legs[1].soc_end > 0.7
+
+
 def test_a_package_too_heavy_is_an_error():
     assert codes(run(*out(), payload_kg=3.0))["payload"] == "error"
 
