@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from skyway.missions.checks.weather import SteadyWind
 from skyway.missions.items.finding import Finding
-from skyway.models.base.formatting import duration, percent, probability, speed_text
+from skyway.models.base.formatting import duration, modelled, percent, probability, speed_text
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -76,7 +76,7 @@ def _reserve(leg: LegEnergy, conditions: FlightConditions) -> Iterator[Finding]:
         message = f"ends at {percent(leg.soc_end)} charge, below the reserve of {percent(reserve)}"
         yield Finding("error", leg.item_to, "below-reserve", message, "recharge before, or fly a shorter route")
     elif leg.p_reserve < 1.0 - EPSILON:
-        message = f"keeps the reserve of {percent(reserve)} only with probability {probability(leg.p_reserve, 1)}"
+        message = f"keeps the reserve of {percent(reserve)} only with probability {modelled(leg.p_reserve)}"
         yield Finding("warning", leg.item_to, "reserve-unsure", message, "recharge more before")
 
 

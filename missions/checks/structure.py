@@ -16,11 +16,13 @@ from skyway.missions.items.commands import (
     is_scaled,
 )
 from skyway.missions.items.finding import Finding
+from skyway.models.base.views import counted
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from skyway.missions.checks.route import Route
+    from skyway.missions.items.document import MissionDocument
     from skyway.missions.items.mission import Mission, MissionItem
 
 ALTITUDE_TOLERANCE_M = 0.1
@@ -29,10 +31,11 @@ _PLAIN_ALTITUDE_MODES = (0, 1, 2)
 """Altitude modes of QGroundControl in which its own altitude equals the one of the parameters."""
 
 
-def check_structure(mission: Mission, route: Route) -> Iterator[Finding]:
+def check_structure(document: MissionDocument, route: Route) -> Iterator[Finding]:
     """Check take-off, landing, jumps and parameters that are not numbers."""
+    mission = document.mission
     if not mission.items:
-        yield Finding("info", None, "no-mission", "there are no mission items")
+        yield Finding("info", None, "no-mission", f"there are no mission items; {_beside(document)}")
         return
     if not mission.is_for_the_surface:
         yield from _takeoff(mission)
@@ -58,6 +61,14 @@ def check_structure(mission: Mission, route: Route) -> Iterator[Finding]:
         if _has_a_place_in_no_global_frame(item):
             message = f"{item.name} has a place in frame {item.frame:d}: autopilots refuse it, or misread the place"
             yield Finding("error", number, "not-global", message, "give it in frame 0, 3 or 10: latitude and longitude")
+
+
+def _beside(document: MissionDocument) -> str:
+    """Tell what was checked of a file without mission items."""
+    areas, points = len(document.fence.areas), len(document.rally)
+    held = [f"the fence of {counted(areas, 'area')}"] if areas else []
+    held += [counted(points, "rally point")] if points else []
+    return f"checked {' and '.join(held)}" if held else "nothing was checked"
 
 
 def _has_a_place_in_no_global_frame(item: MissionItem) -> bool:

@@ -158,6 +158,11 @@ def probability(fraction: float | None, digits: int = 0) -> str:
     return f"{text} %"
 
 
+def modelled(fraction: float | None, digits: int = 1) -> str:
+    """Return a probability that a model states, which is never certain: ``>99.9 %`` and ``<0.1 %`` also for 1 and 0."""
+    return probability(min(max(fraction, 1e-12), 1.0 - 1e-12) if is_known(fraction) else None, digits)
+
+
 def kept_share(p_kept: float | None, runs: int | None) -> str:
     """Return the probability that a landing keeps the reserve; so many runs cannot show fewer than three failures in their number."""
     if p_kept is not None and runs and p_kept >= 1.0 - 0.5 / runs:

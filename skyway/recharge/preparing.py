@@ -134,7 +134,7 @@ def _that_fly(
         if route.is_cut:
             raise too_many_repeats()
         found = [
-            *check_structure(document.mission, route),
+            *check_structure(document, route),
             *check_fence(document, route, family),
             *family.cannot_fly(document),
         ]

@@ -167,6 +167,23 @@ def test_a_suffix_that_is_no_format_is_refused(run, plan_json):
         run("mission", plan_json, "-o", "out.kml")
 
 
+def test_a_copy_in_which_nothing_is_corrected_is_not_written(run, plan_json, tmp_path):
+    run("mission", plan_json, "-o", "out.plan")
+    result = run("check", "out.plan", "--fix", "mended.plan")
+    assert "no finding has a certain correction: mended.plan was not written" in result.stderr
+    assert "wrote" not in result.stderr
+    assert not (tmp_path / "mended.plan").exists()
+
+
+def test_a_file_with_only_a_fence_says_what_was_checked(run, plan_json):
+    run("mission", plan_json, "-o", "out.waypoints", "--autopilot", "ardupilot", "--whole")
+    result = run("check", "out.leg1.fence.waypoints")
+    assert result.exit_code == 0
+    assert result.stdout.splitlines() == [
+        "info: mission: there are no mission items; checked the fence of 1 area [no-mission]", "ok",
+    ]  # fmt: skip
+
+
 def test_a_sound_mission_checks_with_exit_code_0(run, plan_json):
     run("mission", plan_json, "-o", "out.plan")
     result = run("check", "out.plan", "--drone", "m200-v2", "--wind", "5@270", "--payload", "1")

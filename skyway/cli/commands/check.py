@@ -14,7 +14,7 @@ from skyway.cli.option_groups import with_groups
 from skyway.cli.options import FamilyName
 from skyway.cli.recharge_options import CrewOptions
 from skyway.models.base.errors import InputError
-from skyway.models.base.formatting import distance_text, duration, energy_text, percent, probability
+from skyway.models.base.formatting import distance_text, duration, energy_text, modelled, percent
 from skyway.models.base.json_text import json_text
 from skyway.models.base.units import parse_instant
 from skyway.scenarios import load_scenario
@@ -107,14 +107,16 @@ def check(
         from skyway.missions.checks.fixes import fixed
 
         mended, told = fixed(document, report.findings)
-        write(mended, fix, force=force)
-        for line in told or ("no finding has a certain correction",):
+        if told:
+            write(mended, fix, force=force)
+        for line in told or (f"no finding has a certain correction: {fix} was not written",):
             typer.echo(line, err=True)
-        options.say_written(fix)
+        options.say_written(fix if told else None)
     if as_json:
         typer.echo(json_text(report, indent=1))
     else:
-        typer.echo(_circumstances(conditions, wind, None if region is None else depart))
+        if document.mission.items:
+            typer.echo(_circumstances(conditions, wind, None if region is None else depart))
         _print_report(report)
     if not report.ok:
         raise typer.Exit(1)
@@ -144,7 +146,7 @@ def _print_report(report: CheckReport) -> None:
             else:
                 cells += [
                     f"ends at {percent(leg.soc_end)}" if leg.soc_end > 0 else "the battery does not last",
-                    f"keeps the reserve with probability {probability(leg.p_reserve, 1)}",
+                    f"keeps the reserve with probability {modelled(leg.p_reserve)}",
                 ]
         elif report.vehicle_judged:
             cells.append("no end, or cannot be flown")

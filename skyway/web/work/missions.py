@@ -15,7 +15,7 @@ from skyway.missions.files.dropped import dropped
 from skyway.missions.items.altitude_frames import frame_name
 from skyway.missions.items.geofence import FencePolygon
 from skyway.models.base import geodesy
-from skyway.models.base.formatting import distance_text, duration, energy_text, percent, probability
+from skyway.models.base.formatting import distance_text, duration, energy_text, modelled, percent
 from skyway.web.work.question import number
 from skyway.web.work.region import loaded
 
@@ -92,7 +92,7 @@ def _flights(report: CheckReport) -> list[dict[str, str]]:
             row |= {"time": duration(leg.time_s), "energy": energy_text(leg.energy_j)}
         if leg.soc_end is not None:
             ends = percent(leg.soc_end) if leg.soc_end > 0 else "the battery does not last"
-            row |= {"ends": ends, "kept": probability(leg.p_reserve, 1)}
+            row |= {"ends": ends, "kept": modelled(leg.p_reserve)}
         found.append(row)
     return found
 
