@@ -253,7 +253,7 @@ def _flight_line(entry: Tracked) -> str:
     """Where a flight stands, beside what was planned."""
     expected = entry.expected
     line = (
-        f"{_figure(entry.height_m)} m, {_figure(entry.ground_speed_mps, 1)} m/s, {percent(entry.soc)}; "
+        f"{_figure(entry.height_m)} m above home, {_figure(entry.ground_speed_mps, 1)} m/s, {percent(entry.soc)}; "
         f"{expected.destination} in {duration(expected.left_s)} ({duration(expected.late_s or 0.0, signed=True)}), "
         f"landing with {percent(expected.soc_land)} (planned {percent(expected.planned_soc_land)}), "
         f"{_figure(expected.cross_track_m)} m off the route, wind {entry.measured_words() or 'not measured'} "

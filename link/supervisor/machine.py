@@ -152,10 +152,16 @@ class Supervisor:
         """Enter the next state, if the table allows it."""
         ctx = self.context
         before = ctx.state
+        leg = ctx.delivery.leg
+        if after is State.STOPPED and leg is not None and leg.origin == ctx.delivery.station:
+            reason += (
+                f"; the mission to {leg.destination} is still on board, and is flown if the drone is armed and started: "
+                "skyway clear --kind all --yes removes it"
+            )
         ctx.status.enter(after, ctx.clock.now_s())
         self.reason = reason
         ctx.note(StateEntered(before=str(before), after=str(after)), reason)
-        if after in (State.HOLDING, State.LOST_LINK) or after in ENDS:
+        if after in (State.HOLDING, State.LOST_LINK):  # an end is the last line of the command
             ctx.tell(f"{after}: {reason}")
 
     def _failed(self, error: LinkError) -> After:

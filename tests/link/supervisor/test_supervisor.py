@@ -201,6 +201,10 @@ def test_a_take_off_is_not_begun_without_a_word_where_one_is_asked_for(tmp_path)
     outcome = stage.fly()
     assert outcome.state == "stopped-safe"
     assert "said no to the take-off" in outcome.reason
+    assert outcome.reason.endswith("is still on board, and is flown if the drone is armed and started: skyway clear --kind all --yes removes it")  # fmt: skip
+    assert not [line for line in stage.operator.lines if line.startswith("stopped-safe")], (
+        "the command says it at its end"
+    )
     assert outcome.exit_code == 1
     assert not any("armed (" in event.text for event in stage.world.events)
 
