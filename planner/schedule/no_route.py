@@ -9,8 +9,9 @@ import numpy as np
 
 from skyway.models.airspace.ways import columns
 from skyway.models.base.errors import NoRouteError
-from skyway.models.base.formatting import distance_text, duration, height_text, percent
+from skyway.models.base.formatting import distance_text, duration, height_text, percent, speed_text
 from skyway.models.base.geodesy import coarse_distance_m
+from skyway.models.base.units import S_PER_H
 from skyway.models.flight.closures import closing_zones
 from skyway.models.flight.kernels import NEVER, next_opening, slot_of
 from skyway.planner.problem.flight_table import ground_speeds
@@ -23,6 +24,13 @@ if TYPE_CHECKING:
     from skyway.planner.lookahead.lookahead import Lookahead
     from skyway.planner.problem.problem import Problem
     from skyway.planner.schedule.itinerary import Itinerary
+
+SELDOM = 0.2
+"""Where the wind allows flights in a smaller share of the forecast, the wind is why there is no route."""
+SAMPLED = 200
+"""Segments in which that share is counted, about."""
+LONG_WAIT_S = 6 * 3600.0
+"""Where the shortest wait for a pad is longer, the load is why there is no route."""
 
 
 def _reached(problem: Problem, usable: NDArray[np.bool_]) -> NDArray[np.bool_]:
@@ -114,20 +122,33 @@ def _closed(problem: Problem, segments: NDArray[np.int64]) -> str | None:
     return None
 
 
-def _held_by_wind(problem: Problem) -> bool:
-    """Whether no member of the forecast allows a flight from the origin now."""
-    air, first = problem.air, problem.network.first
-    leaving = np.arange(first[problem.origin], first[problem.origin + 1])
-    now = np.array([slot_of(air, problem.depart_s)])
-    return not any(ground_speeds(air, member, now, leaving).any() for member in range(len(air.north)))
+def _leaving(problem: Problem) -> NDArray[np.int64]:
+    """Segments that leave the origin."""
+    first = problem.network.first
+    return np.arange(first[problem.origin], first[problem.origin + 1])
 
 
-def _too_strong(problem: Problem) -> str:
-    drone = problem.drone
-    return (
-        f"above the limit of {drone.id} ({drone.wind_limit_mps:g} m/s) or too strong for an airspeed of "
-        f"{problem.air.airspeed_mps:g} m/s"
-    )
+def _now(problem: Problem) -> NDArray[np.int64]:
+    return np.array([slot_of(problem.air, problem.depart_s)])
+
+
+def _flyable_share(problem: Problem, slots: NDArray[np.int64], segments: NDArray[np.int64]) -> float:
+    """Share of the hours and segments in which the wind of the forecast allows a flight."""
+    air = problem.air._replace(shut=np.zeros_like(problem.air.shut))
+    speeds = (ground_speeds(air, member, slots, segments) for member in range(len(problem.probability)))
+    shares = [float(np.mean(speed > 0.0)) for speed in speeds]
+    return float(np.dot(problem.probability, shares) / problem.probability.sum())
+
+
+def _too_strong(problem: Problem, segments: NDArray[np.int64], slots: NDArray[np.int64] | None = None) -> str:
+    """Describe a wind in which no flight over some segments is possible, in some slots or throughout the forecast."""
+    drone, air = problem.drone, problem.air
+    north, east = (wind if slots is None else wind[:, slots] for wind in (air.north, air.east))
+    least = float(np.hypot(north @ air.weight[segments].T, east @ air.weight[segments].T).min())
+    limit = f"the limit of {drone.id} ({drone.wind_limit_mps:g} m/s)"
+    if least > drone.wind_limit_mps:
+        return f"{speed_text(least)} or more, above {limit}"
+    return f"above {limit} or too strong for an airspeed of {problem.air.airspeed_mps:g} m/s"
 
 
 def never_leaves(
@@ -157,10 +178,13 @@ def never_leaves(
     if closed is not None:
         return NoRouteError(f"{begin} {where} cannot be flown: {closed}", constraint="airspace")
     if all(next_opening(problem.air, member, segments, problem.depart_s) == NEVER for member in members):
-        message = f"{begin} throughout the forecast the wind on {where} is {_too_strong(problem)}"
+        message = f"{begin} throughout the forecast the wind on {where} is {_too_strong(problem, segments)}"
         return NoRouteError(message, constraint="wind")
     if problem.in_flight and leg == 0:
-        message = f"{begin} in the whole forecast the wind on {where} is now {_too_strong(problem)}, and a drone in the air cannot hold"
+        strong = _too_strong(problem, segments, _now(problem))
+        message = (
+            f"{begin} in the whole forecast the wind on {where} is now {strong}, and a drone in the air cannot hold"
+        )
         return NoRouteError(message, constraint="wind")
     message = (
         f"{begin} {where} cannot start within the forecast: when the wind allows it and the charge suffices, {b} is "
@@ -203,7 +227,8 @@ def no_way_on(problem: Problem, segment: int, there_soc: float, on_soc: float, b
     if not problem.ways_on:
         return NoRouteError(f"{begin} {nothing_in_reach(problem)}", constraint="energy")
     if not math.isfinite(there_soc + on_soc):
-        message = f"{begin} throughout the forecast the wind on the flight there or on the flight on is {_too_strong(problem)}"
+        strong = _too_strong(problem, np.array([segment], dtype=np.int64))
+        message = f"{begin} throughout the forecast the wind on the flight there or on the flight on is {strong}"
         return NoRouteError(message, constraint="wind")
     message = (
         f"{begin} the flight from {a} takes {percent(there_soc)} of the battery of {problem.drone.id} and the flight on to the next pad"
@@ -245,6 +270,44 @@ def no_room(problem: Problem) -> NoRouteError:
     return NoRouteError(message, constraint="room")
 
 
+def _not_in_turn(problem: Problem, begin: str, usable: NDArray[np.bool_]) -> NoRouteError:
+    """Explain why flights that are all possible at some hour make no route: wind, full stations, or both and the charge.
+
+    `usable` are the segments that a full battery is enough for in some wind of the forecast, shape (segments,).
+    """
+    network, drone = problem.network, problem.drone
+    start, leaving, now = network.stations[problem.origin].id, _leaving(problem), _now(problem)
+    if _flyable_share(problem, now, leaving) == 0.0:
+        message = (
+            f"{begin} the wind on every segment from {start} is now {_too_strong(problem, leaving, now)}, "
+            "and no sequence of flights in the later hours leads there"
+        )
+        return NoRouteError(message, constraint="wind")
+    some = np.flatnonzero(usable)[:: max(np.count_nonzero(usable) // SAMPLED, 1)]
+    share = _flyable_share(problem, np.arange(problem.air.north.shape[1]), some)
+    if share < SELDOM:
+        message = (
+            f"{begin} only in {percent(share)} of the forecast hours is the wind within the limit of {drone.id} "
+            f"({drone.wind_limit_mps:g} m/s) and weak enough for an airspeed of {problem.air.airspeed_mps:g} m/s: too few for the "
+            "flights and charges of a route"
+        )
+        return NoRouteError(message, constraint="wind")
+    near = [int(node) for node in np.unique(network.head[leaving]) if problem.has_pads(int(node))]
+    waits = {node: problem.waits.at(node, problem.depart_s)[0] for node in near}
+    if waits and problem.destination not in network.head[leaving] and min(waits.values()) > LONG_WAIT_S:
+        shortest = min(waits, key=lambda node: waits[node])
+        message = (
+            f"{begin} the stations are full: of those one flight from {start} {network.stations[shortest].id} has the shortest "
+            f"expected wait for a pad, {round(waits[shortest] / S_PER_H)} h; check the load of the scenario, or choose a later departure"
+        )
+        return NoRouteError(message, constraint="room")
+    message = (
+        f"{begin} each segment can be flown on a full battery at some hour, but not one after the other as wind, zones, queues "
+        f"and charge ({percent(problem.soc)} now) develop"
+    )
+    return NoRouteError(message, constraint="energy")
+
+
 def no_route(problem: Problem, lookahead: Lookahead, *, room: bool = True) -> NoRouteError:
     """Explain a failed search: disconnected, energy on the decisive segment, wind, or no room at the destination.
 
@@ -263,18 +326,10 @@ def no_route(problem: Problem, lookahead: Lookahead, *, room: bool = True) -> No
     reached = _reached(problem, charge <= lookahead.budget)
     if reached[problem.destination] and not room:
         return no_room(problem)
-    if reached[problem.destination] and _held_by_wind(problem):
-        message = (
-            f"no route from {start} to {goal} within the forecast: the wind on every segment from {start} is now "
-            f"{_too_strong(problem)}, and no sequence of flights in the later hours leads there"
-        )
-        return NoRouteError(message, constraint="wind")
     if reached[problem.destination]:
-        message = (
-            f"no route from {start} to {goal} within the forecast: each segment can be flown on a full battery at some hour, "
-            f"but not one after the other as wind, queues and charge ({percent(problem.soc)} now) develop"
+        return _not_in_turn(
+            problem, f"no route from {start} to {goal} within the forecast:", charge <= lookahead.budget
         )
-        return NoRouteError(message, constraint="energy")
     out = np.flatnonzero(reached[network.tail] & ~reached[network.head]).tolist()
     least = min(out, key=lambda i: (charge[i], network.distance_m[i]))
     a, b = network.stations[int(network.tail[least])].id, network.stations[int(network.head[least])].id
@@ -284,9 +339,8 @@ def no_route(problem: Problem, lookahead: Lookahead, *, room: bool = True) -> No
         message = f"no route from {start} to {goal}: {where} cannot be flown: {closed}"
         return NoRouteError(message, constraint="airspace")
     if not math.isfinite(charge[least]):
-        message = (
-            f"no route from {start} to {goal}: throughout the forecast the wind on {where} is {_too_strong(problem)}"
-        )
+        strong = _too_strong(problem, np.array([least], dtype=np.int64))
+        message = f"no route from {start} to {goal}: throughout the forecast the wind on {where} is {strong}"
         return NoRouteError(message, constraint="wind")
     if int(network.head[least]) == problem.destination and problem.needs_escape:
         there = lookahead.without_way_on(least, problem.depart_s)

@@ -207,3 +207,32 @@ def test_labels_of_a_crowded_map_keep_off_each_other():
         others = np.delete(boxes, number, axis=0)
         apart = (others[:, 2] <= x0) | (others[:, 0] >= x1) | (others[:, 3] <= y0) | (others[:, 1] >= y1)
         assert apart.all()
+
+
+@pytest.fixture
+def changed(skyway, tmp_path):
+    """A new scenario in folder ``s``, with text replaced in one of its files."""
+
+    def make(name: str, old: str, new: str) -> None:
+        assert skyway("scenario", "init", "s").code == 0
+        file = tmp_path / "s" / name
+        assert old in file.read_text()
+        file.write_text(file.read_text().replace(old, new))
+
+    return make
+
+
+TO_THE_CLINIC = ("--from", "west", "--to", "clinic", "--payload", "1.4", *SUMMER)
+
+
+def test_no_route_for_a_drone_that_hardly_any_wind_lets_fly_names_the_wind(changed, refused):
+    changed("drones.toml", "# wind_limit_mps = 12", "wind_limit_mps = 1")
+    message = refused("plan", "s", *TO_THE_CLINIC, code=1)
+    assert "of the forecast hours is the wind within the limit of m200 (1 m/s)" in message
+    exact = refused("plan", "s", *TO_THE_CLINIC, "--planner", "exact", code=1)
+    assert "m/s or more, above the limit of m200 (1 m/s)" in exact
+
+
+def test_no_route_among_full_stations_names_the_wait_for_their_pads(changed, refused):
+    changed("load.csv", "0.300,60", "300,6000")
+    assert "the stations are full: of those one flight from west " in refused("plan", "s", *TO_THE_CLINIC, code=1)
