@@ -12,6 +12,7 @@ from skyway.models.airspace.ways import columns
 from skyway.models.base import geodesy
 from skyway.models.base.errors import Fault
 from skyway.models.base.formatting import distance_text
+from skyway.models.base.units import S_PER_H
 from skyway.models.network.overs import USUAL_MOST_M
 from skyway.models.network.zoned import ground_of
 
@@ -24,6 +25,7 @@ if TYPE_CHECKING:
     from skyway.models.airspace.ways import Ways
     from skyway.models.network.network import Network
     from skyway.models.network.station import Station
+    from skyway.models.scenario.scenario import Scenario
     from skyway.models.wind.history import WindSite
 
 LOST_M = 1_000_000.0
@@ -32,6 +34,8 @@ WIND_FAR_M = 300_000.0
 """Wind measured farther away than this is not representative of the wind at a station."""
 FEW_ZONES = 20
 """Of more zones than this, all must look swapped."""
+NO_SEGMENTS = "no segment joins any stations: is network.max_length_m long enough, in metres?"
+"""Warning of a network in which nothing can be planned."""
 _SWAPPED = "lat and lon look swapped"
 
 
@@ -127,11 +131,32 @@ def fit_warnings(network: Network, sites: Sequence[WindSite]) -> list[str]:
         warnings.append(f"stations that stand at the same place, no segment joins them: {_listed(shared)}")
     parts = network.parts()
     if len(ids) > 1 and not len(network.tail):
-        warnings.append("no segment joins any stations: is network.max_length_m long enough, in metres?")
+        warnings.append(NO_SEGMENTS)
     elif len(parts) > 1:
         apart = _listed([part[0] for part in parts[1:]])
         warnings.append(f"the network falls into {len(parts)} parts that no segment joins (apart: {apart})")
     return warnings
+
+
+def planning_faults(scenario: Scenario, hours: int) -> list[Fault]:
+    """Find why no request can be planned in a scenario that was read without faults: no segments, or too short a record of wind.
+
+    A plan needs the wind of so many hours from its departure, without a gap; a scenario's own forecast is not checked.
+    """
+    faults = []
+    if not len(scenario.network.tail):
+        remedy = "raise network.max_length_m, in metres, or name the segments in network.segments"
+        faults.append(Fault(NO_SEGMENTS.partition(":")[0], scenario.path, field="network", remedy=remedy))
+    history = scenario.history
+    if history is not None and not scenario.has_forecast:
+        needed = math.ceil(hours * S_PER_H / history.slot_s)
+        gaps = np.flatnonzero(~np.concatenate(([False], history.complete, [False])))
+        longest = int(np.diff(gaps).max(initial=1)) - 1
+        if longest < needed:
+            problem = f"no {hours} hours in a row without a gap: too short to plan with"
+            remedy = "give a longer record, of some weeks at least, or a forecast"
+            faults.append(Fault(problem, history.source or scenario.path, value=history.covers, remedy=remedy))
+    return faults
 
 
 def _positions(places: Sequence[Station] | Sequence[WindSite]) -> NDArray[np.float64]:

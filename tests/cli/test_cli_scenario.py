@@ -1,6 +1,7 @@
 """``scenario``, ``network`` and ``wind``: starting a scenario, finding its faults, seeing what was read."""
 
 import json
+import shutil
 
 import pytest
 
@@ -220,6 +221,21 @@ def changed(skyway, tmp_path):
         file.write_text(file.read_text().replace(old, new))
 
     return make
+
+
+def test_a_scenario_in_which_nothing_can_be_planned_is_not_ready(changed, refused, skyway, tmp_path):
+    changed("scenario.toml", "max_length_m = 16000", "max_length_m = 16")
+    assert "s/scenario.toml: network: no segment joins any stations; raise network.max_length_m" in refused(
+        "scenario", "check", "s"
+    )
+    listing = json.loads(skyway("scenario", "check", "s", "--json").out)
+    assert (listing["ok"], listing["faults"][0]["field"]) == (False, "network")
+    shutil.rmtree(tmp_path / "s")
+    changed("scenario.toml", "season_days = 30", "season_days = 20")
+    assert skyway("scenario", "check", "s").code == 0
+    record = tmp_path / "s" / "wind.csv"
+    record.write_text("".join(record.read_text().splitlines(keepends=True)[:5]))
+    assert "s/wind.csv: no 48 hours in a row without a gap: too short" in refused("scenario", "check", "s")
 
 
 TO_THE_CLINIC = ("--from", "west", "--to", "clinic", "--payload", "1.4", *SUMMER)

@@ -319,16 +319,25 @@ def check(
 ) -> None:
     """Check a scenario and report all its faults at once.
 
+    Exit code 2: it has faults, or no request can be planned in it.
+
     Examples
     --------
       skyway scenario check my-scenario
     """
+    from skyway.models.scenario.checks import NO_SEGMENTS, planning_faults
+    from skyway.planner.problem.problem import HORIZON_H
+
     if as_json:
         _check_json(folder)
         return
     world = load_scenario(folder)
+    faults = planning_faults(world, HORIZON_H)
     for warning in world.warnings:
-        typer.echo(f"warning: {warning}", err=True)
+        if not faults or warning != NO_SEGMENTS:
+            typer.echo(f"warning: {warning}", err=True)
+    if faults:
+        raise InputError(faults)
     record = "no wind record" if world.history is None else f"wind of {world.history.covers}"
     drones = "1 drone" if len(world.drones) == 1 else f"{len(world.drones)} drones"
     say(f"{world.path}: {world.name}: {len(world.network)} stations, {drones}, {record}: ready to plan")
@@ -345,10 +354,14 @@ class ScenarioCheck:
 
 
 def _check_json(folder: Path | None) -> None:
+    from skyway.models.scenario.checks import planning_faults
+    from skyway.planner.problem.problem import HORIZON_H
+
     faults: tuple[Fault, ...] = ()
     warnings: tuple[str, ...] = ()
     try:
-        warnings = load_scenario(folder).warnings
+        world = load_scenario(folder)
+        warnings, faults = world.warnings, tuple(planning_faults(world, HORIZON_H))
     except InputError as error:
         faults = tuple(replace(one, value=None if one.value is None else str(one.value)) for one in error.faults)
     typer.echo(json_text(ScenarioCheck(ok=not faults, faults=faults, warnings=warnings), indent=1))
