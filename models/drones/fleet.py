@@ -18,6 +18,10 @@ if TYPE_CHECKING:
 
 SCHEMA = "skyway.fleet/1"
 MAX_DRONES = 1000
+MAX_WH_PER_KG = 2000.0
+"""Energy aboard per kg of the drone, beyond any battery, fuel cell or tank with generator."""
+MIN_W_PER_KG = 1.0
+"""Mean power per kg that keeps nothing in the air: a glider takes some watts."""
 
 
 def read_fleet(path: Path) -> tuple[Drone, ...]:
@@ -65,6 +69,7 @@ def _drone(table: Table) -> Drone:
     wear_cycle = table.number("wear_per_cycle", 0.0, low=0, high=1e6)
     if full > empty:
         table.fault("endurance_full_min", "is longer than endurance_empty_min", full / S_PER_MIN)
+    _check_energy(table, battery, mass, empty)
     energy, belief = _energy(table, mass), _energy_belief(table)
     drone = Drone(
         id=table.text("id"),
@@ -90,6 +95,32 @@ def _drone(table: Table) -> Drone:
     )
     table.finish()
     return drone
+
+
+def _check_energy(table: Table, battery_j: float, mass_kg: float, endurance_s: float) -> None:
+    """Find a battery given in another unit: too much energy for its mass, or too little for its endurance."""
+    battery_wh, most_wh, least_wh = (
+        battery_j / J_PER_WH,
+        MAX_WH_PER_KG * mass_kg,
+        MIN_W_PER_KG * mass_kg * endurance_s / S_PER_H,
+    )
+    remedy = (
+        f"watt-hours of all batteries together, {least_wh:.3g} to {most_wh:.6g} for {mass_kg:g} kg and this endurance"
+    )
+    if battery_wh > most_wh:
+        table.fault(
+            "battery_wh",
+            f"is {battery_wh / mass_kg:.0f} Wh per kg of the drone, beyond any battery",
+            battery_wh,
+            remedy,
+        )
+    elif battery_wh < least_wh:
+        table.fault(
+            "battery_wh",
+            f"is {battery_wh / (mass_kg * endurance_s / S_PER_H):.2g} W per kg, too little to fly for endurance_empty_min",
+            battery_wh,
+            remedy,
+        )
 
 
 def _cold(table: Table) -> tuple[tuple[float, float], ...]:

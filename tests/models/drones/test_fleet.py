@@ -126,6 +126,14 @@ def test_a_package_that_lets_it_fly_longer_is_a_slip(tmp_path):
     assert said == "drones.toml: drone[0].endurance_full_min: is longer than endurance_empty_min (got '40.0')"
 
 
+def test_a_battery_in_another_unit_is_refused_with_what_it_may_hold(tmp_path):
+    (said,) = said_of(tmp_path, drone(battery_wh="349296"))
+    assert said.startswith("drones.toml: drone[0].battery_wh: is 74477 Wh per kg of the drone, beyond any battery")
+    assert "(got '349296.0'); watt-hours of all batteries together, 2.97 to 9380 for 4.69 kg" in said
+    (said,) = said_of(tmp_path, drone(battery_wh="1"))
+    assert "too little to fly for endurance_empty_min (got '1.0')" in said
+
+
 def test_all_faults_of_all_drones_are_said_at_once(tmp_path):
     said = said_of(tmp_path, drone(mass_kg="nan", colour="1"), drone(), drone(wind_limit_mps="0"))
     assert [line.split(": ")[1] for line in said] == [
