@@ -21,7 +21,7 @@ from skyway.planner.registry import CLAIRVOYANT_PLANNERS, PLANNERS, ROBUST
 from skyway.planner.result import Comparison, PlanResult
 from skyway.planner.robust.robust import RobustSearch
 from skyway.planner.schedule.outcome import later
-from skyway.planner.time_limit import with_gap
+from skyway.planner.time_limit import beyond_limit, with_gap
 from skyway.planner.way_back import plan_there_and_back, with_way_back
 
 if TYPE_CHECKING:
@@ -300,7 +300,7 @@ def _plan_robust(
             labels_expanded += sum(search.labels_expanded for search in searches)
             told_result = robust_result(answer, spent, labels_expanded, rejected | told)
             if all(search.complete for search in searches):
-                return told_result
+                return beyond_limit(told_result, time_limit_s)
             return with_gap(told_result, time_limit_s)
         spent += time.perf_counter() - started
 

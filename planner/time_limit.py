@@ -6,7 +6,7 @@ import math
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from skyway.models.base.formatting import percent
+from skyway.models.base.formatting import percent, spent
 from skyway.planner.exact.exact import ExactSearch
 from skyway.planner.explain import mean_bound_s
 
@@ -25,6 +25,18 @@ def _told(time_limit_s: float, gap: float, what: str) -> str:
 def cut_off_note(search: ExactSearch | ExhaustiveSearch, time_limit_s: float) -> str:
     """Note that an answer is not proved optimal, and what is proved."""
     return _told(time_limit_s, search.gap if isinstance(search, ExactSearch) else math.inf, "it")
+
+
+def beyond_limit(result: PlanResult, time_limit_s: float) -> PlanResult:
+    """Note that a complete answer of `robust` took longer than the limit, if it did: simulations that have begun are not cut off."""
+    if result.planning_time_s <= time_limit_s:
+        return result
+    note = (
+        f"planned in {spent(result.planning_time_s)}, longer than the time limit of {time_limit_s:g} s: the simulations of a route are not "
+        "cut off; fewer deliveries take less (planner.robust.final_runs)"
+    )
+    composition = replace(result.composition, notes=(*result.composition.notes, note))
+    return replace(result, composition=composition)
 
 
 def with_gap(result: PlanResult, time_limit_s: float) -> PlanResult:

@@ -130,7 +130,8 @@ def _target(scenario: Scenario, lat: float, lon: float, *, leads: str) -> tuple[
     from skyway.models.base.geodesy import inverse
 
     network = scenario.network
-    wider = scenario.with_target(lat, lon)
+    named_as = {"id": "start", "kind": "start"} if leads == "from" else {}
+    wider = scenario.with_target(lat, lon, **named_as)
     distance, _ = inverse(lat, lon, network.lat, network.lon)
     nearest = int(distance.argmin())
     if len(wider.network) == len(network):

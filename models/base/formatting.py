@@ -301,7 +301,8 @@ def later_text(later: Figure) -> str:
     if later.low == later.high == 0.0:
         return "no difference on average"
     if later.low < 0.0 < later.high:
-        return f"no clear difference on average ({minutes(later)} min)"
+        found = f"{minutes(later)} min" if later.value >= 0.0 else f"{minutes(later.scaled(-1.0))} min earlier"
+        return f"no clear difference on average ({found})"
     word = "later" if later.value > 0.0 else "earlier"
     return f"{minutes(later if later.value > 0.0 else later.scaled(-1.0))} min {word} on average"
 

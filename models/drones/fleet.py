@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 from skyway.models.base.errors import Fault, InputError
 from skyway.models.base.fields import Table, read_toml
+from skyway.models.base.formatting import energy_text, mass_text
 from skyway.models.base.units import AIR_DENSITY_KG_M3, J_PER_WH, S_PER_H, S_PER_MIN
 from skyway.models.drones.drone import BUILT_IN, Drone
 from skyway.models.drones.energy_belief import RANGES, EnergyBelief
@@ -99,28 +100,15 @@ def _drone(table: Table) -> Drone:
 
 def _check_energy(table: Table, battery_j: float, mass_kg: float, endurance_s: float) -> None:
     """Find a battery given in another unit: too much energy for its mass, or too little for its endurance."""
-    battery_wh, most_wh, least_wh = (
-        battery_j / J_PER_WH,
-        MAX_WH_PER_KG * mass_kg,
-        MIN_W_PER_KG * mass_kg * endurance_s / S_PER_H,
-    )
-    remedy = (
-        f"watt-hours of all batteries together, {least_wh:.3g} to {most_wh:.6g} for {mass_kg:g} kg and this endurance"
-    )
-    if battery_wh > most_wh:
+    least_j, most_j = MIN_W_PER_KG * mass_kg * endurance_s, MAX_WH_PER_KG * mass_kg * J_PER_WH
+    told = f"for {mass_text(mass_kg)} and endurance_empty_min"
+    remedy = f"watt-hours of all batteries together, from {energy_text(least_j)} to {energy_text(most_j)} {told}"
+    if battery_j > most_j:
         table.fault(
-            "battery_wh",
-            f"is {battery_wh / mass_kg:.0f} Wh per kg of the drone, beyond any battery",
-            battery_wh,
-            remedy,
+            "battery_wh", f"is more than any battery of {mass_text(mass_kg)} holds", battery_j / J_PER_WH, remedy
         )
-    elif battery_wh < least_wh:
-        table.fault(
-            "battery_wh",
-            f"is {battery_wh / (mass_kg * endurance_s / S_PER_H):.2g} W per kg, too little to fly for endurance_empty_min",
-            battery_wh,
-            remedy,
-        )
+    elif battery_j < least_j:
+        table.fault("battery_wh", "is too little to fly for endurance_empty_min", battery_j / J_PER_WH, remedy)
 
 
 def _cold(table: Table) -> tuple[tuple[float, float], ...]:

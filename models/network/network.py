@@ -339,8 +339,15 @@ class Network:
         """Return the node of a station; see `models.network.station_names.find`."""
         return find(self.stations, self.index, text)
 
-    def with_target(self, lat: float, lon: float, *, id: str = "target") -> Network:  # noqa: A002
-        """Add a delivery target without pads, joined to the stations by the network's rule; it is the last node.
+    def with_target(
+        self,
+        lat: float,
+        lon: float,
+        *,
+        id: str = "target",  # noqa: A002
+        kind: str = "delivery target",
+    ) -> Network:
+        """Add a delivery target without pads, or another `kind` of place, joined to the stations by the network's rule; it is the last node.
 
         Where segments were given rather than made by a rule, the target is joined to every station within the length of
         the longest given segment. Raises an `InputError` if it is out of range or inside a no-fly zone.
@@ -352,7 +359,7 @@ class Network:
         unique_id = id
         while unique_id in self.index:
             unique_id += "-new"
-        target = Station(unique_id, f"delivery target {place_text(lat, lon)}", lat, lon, None, 0, 0)
+        target = Station(unique_id, f"{kind} {place_text(lat, lon)}", lat, lon, None, 0, 0)
         near = self._near(lat, lon)
         node = np.full(len(near), len(self.stations))
         pairs = np.concatenate((np.column_stack((near, node)), np.column_stack((node, near))))

@@ -205,9 +205,16 @@ class Scenario:
         rules = self.rules
         return found.at_height(height_factor(rules.cruise_height_m, self.measured_at_m, rules.wind_profile_exponent))
 
-    def with_target(self, lat: float, lon: float, *, id: str = "target") -> Scenario:  # noqa: A002
-        """Add a delivery target without pads to the network."""
-        network = self.network.with_target(lat, lon, id=id)
+    def with_target(
+        self,
+        lat: float,
+        lon: float,
+        *,
+        id: str = "target",  # noqa: A002
+        kind: str = "delivery target",
+    ) -> Scenario:
+        """Add a delivery target without pads, or another `kind` of place, to the network."""
+        network = self.network.with_target(lat, lon, id=id, kind=kind)
         return replace(self, network=network, load=self.load.extended(len(network) - len(self.network)))
 
     def _record(self) -> WindHistory:

@@ -128,6 +128,8 @@ def outcome(
     kept = runs[:, :, SOC_LANDING] >= problem.reserve - 1e-9
     with np.errstate(invalid="ignore"):
         for_room = runs[:, :, ROOM] > HELD_S
+        if problem.request.not_before is not None:  # who would have landed before it, has waited for it
+            for_room[:, -1] &= runs[:, -1, TOUCH_DOWN] - runs[:, -1, ROOM] >= problem.request.not_before.timestamp()
         for_wind = runs[:, :, TAKE_OFF] - runs[:, :, READY] - runs[:, :, ROOM] > HELD_S
     mass = np.maximum(weight @ flown, 1e-300)
     arrived = flown[:, -1]

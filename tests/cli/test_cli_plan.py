@@ -416,3 +416,8 @@ def test_a_comparison_says_in_plain_words_what_robust_buys(skyway):
     assert "on average" in out
     assert "of the deliveries land below the reserve, with robust" in out
     assert " why: " in out
+
+
+def test_a_start_given_as_a_place_is_not_called_a_target(plan_json):
+    plan = plan_json("--from", "40.75,-73.93", "--to", "jacobi", *HOP[4:], *ONE_WIND)
+    assert (plan["from"], plan["stations"]["start"]["name"]) == ("start", "start 40.75000,-73.93000")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import tempfile
 from pathlib import Path
 from typing import Any
@@ -91,6 +92,6 @@ def opened(path: str) -> dict[str, Any]:
 
 
 def _named(composition: Any, name: str) -> str:
-    """A station by its id; a target that was given as a place, by its place."""
+    """A station by its id; a start or target that was given as a place, by its place."""
     place = composition.stations[name]
-    return f"{place.lat},{place.lon}" if name.startswith("target") else name
+    return f"{place.lat},{place.lon}" if re.fullmatch(r"(start|target)(-new)*", name) else name

@@ -203,3 +203,9 @@ def test_an_interval_holds_its_value_as_it_is_told(value, below, above):
 def _seconds(text: str) -> float:
     number = {unit: float(count) for count, unit in re.findall(r"(\d+) (h|min|s)", text)}
     return 3600.0 * number.get("h", 0.0) + 60.0 * number.get("min", 0.0) + number.get("s", 0.0)
+
+
+def test_a_difference_that_is_not_clear_has_no_negative_figure():
+    said = "no clear difference on average"
+    assert words.later_text(Figure(-7200.0, -16_200.0, 1800.0, 4500.0)) == f"{said} (120 ± 150 min earlier)"
+    assert words.later_text(Figure(7200.0, -1800.0, 16_200.0, 4500.0)) == f"{said} (120 ± 150 min)"

@@ -46,6 +46,7 @@ def test_no_simulated_delivery_is_early_and_none_hovers(target):
     assert not early.any(), "hovers"
     assert (runs[np.isfinite(arrival), -1, SOC_LANDING] >= 0.0).all()
     assert any("does not arrive before" in note for note in held.composition.notes)
+    assert held.outcome.p_hold_room[-1] < 0.5, "waiting for the time is not waiting for capacity"
 
 
 def test_a_past_time_changes_nothing():
