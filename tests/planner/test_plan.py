@@ -15,6 +15,7 @@ from skyway.models.composition.composition import State
 from skyway.models.composition.file import from_json, to_json
 from skyway.models.drones.drone import M200_V2
 from skyway.models.wind.forecast import constant_wind
+from skyway.planner.parameters.planner import USUAL
 from skyway.planner.plan import compare, plan
 from skyway.planner.problem.problem import HORIZON_H
 from skyway.planner.problem.request import Request
@@ -190,3 +191,12 @@ def test_a_likelier_hold_makes_the_mean_arrival_later():
     assert slow.composition.services[0].p_hold == pytest.approx(0.5)
     assert slow.outcome.mean_s > quick.outcome.mean_s + 1800.0
     assert M200_V2.wind_limit_mps < 14.0
+
+
+def test_simulations_that_take_longer_than_the_time_limit_are_told():
+    rng = np.random.default_rng(7)
+    world = make_world(rng, 2, length_m=5000.0)
+    thorough = replace(USUAL, robust=replace(USUAL.robust, final_runs=100_000))
+    found = plan(world, make_request(world, rng), forecast=make_wind(rng), time_limit_s=0.7, parameters=thorough)
+    told = ("longer than the time limit of 0.7 s", "cut off after 0.7 s")
+    assert any(words in note for note in found.composition.notes for words in told)
