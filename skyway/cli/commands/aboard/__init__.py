@@ -1,1 +1,1 @@
-"""Commands for data on a vehicle: its parameters and its logs."""
+"""What is done aboard a vehicle: its parameters, its logs, its health, and a flight under supervision."""
