@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, cast
 
 from skyway.missions.autopilots.registry import FAMILIES
 from skyway.missions.items.parameters import UNITS, Parameter
-from skyway.models.base.errors import Fault, InputError
+from skyway.models.base.errors import Fault, InputError, refuse
 from skyway.models.base.fields import finite
 from skyway.models.base.files import read_text
 
@@ -19,8 +19,11 @@ if TYPE_CHECKING:
     from skyway.missions.autopilots.settings import Name, Setting
     from skyway.missions.items.parameters import Rule
 
+IMPLAUSIBLE = "is outside the plausible range"
 _MAX_BYTES = 2_000_000
 _QGC_FIELDS = 5
+_FEW = 5
+"""So many wrong lines are listed one by one in any case."""
 _RULE = re.compile(r"# (equal|at-least|at-most|bits|read): (.*)")
 _READ = re.compile(r"# ([A-Z0-9_]{1,16}): read it")
 _ELSEWHERE = re.compile(
@@ -41,7 +44,10 @@ class ParameterLine:
 
 
 def parameter_lines(path: Path) -> list[ParameterLine]:
-    """Read a parameter file line by line. Raises an `InputError` that lists every line that is not a parameter."""
+    """Read a parameter file line by line.
+
+    Raises an `InputError` that lists every line that is not a parameter, or only the first if most of many are not.
+    """
     found = []
     faults = []
     for number, line in enumerate(read_text(path, max_bytes=_MAX_BYTES).splitlines(), start=1):
@@ -53,8 +59,12 @@ def parameter_lines(path: Path) -> list[ParameterLine]:
             words = text.split("\t")
             component = int(words[1]) if len(words) == _QGC_FIELDS and words[1].isdecimal() else None
             found.append(ParameterLine(number, component, name, value))
-    if faults:
-        raise InputError(faults)
+    if len(faults) > max(len(found), _FEW):
+        problem = f"is no parameter file: {len(faults)} of its {len(faults) + len(found)} lines are not parameters"
+        first = faults[0]
+        remedy = "a file of lines NAME,VALUE, as skyway mission and ground stations write them"
+        raise InputError(problem, str(path), first.line, value=first.value, remedy=remedy)
+    refuse(faults)
     return found
 
 
@@ -67,9 +77,11 @@ def read_required(path: Path) -> tuple[Parameter, ...]:
     """Read the parameters that a mission needs, with their rules, as ``skyway mission`` writes them.
 
     A line without a rule before it is ``equal``. A parameter that has other names in other firmware is accepted under any of
-    its names.
+    its names. Raises an `InputError` for lines that are not parameters, and for values outside the plausible range.
     """
-    values = read_parameters(path)
+    lines = parameter_lines(path)
+    values = {line.name: line.value for line in lines}
+    refuse([fault for line in lines if (fault := _implausible(path, line)) is not None])
     wanted: list[Parameter] = []
     rule: Rule = "equal"
     why = ""
@@ -90,6 +102,15 @@ def read_required(path: Path) -> tuple[Parameter, ...]:
         if parameter.name not in once or once[parameter.name].value is None:
             once[parameter.name] = _every_name(parameter)
     return tuple(once.values())
+
+
+def _implausible(path: Path, line: ParameterLine) -> Fault | None:
+    """The fault of a value that no vehicle has."""
+    for family in FAMILIES.values():
+        expected = family.settings.range_left(line.name, line.value)
+        if expected:
+            return Fault(IMPLAUSIBLE, str(path), line.number, line.name, f"{line.value:.9g}", expected)
+    return None
 
 
 def _known(name: str, rule: Rule, value: float | None, why: str) -> Parameter:

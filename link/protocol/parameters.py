@@ -288,18 +288,19 @@ class ParameterCheck:
     def problem(self) -> str:
         """The problem with its remedy; empty if there is none."""
         wanted = self.wanted
+        why = f" ({wanted.why})" if wanted.why else ""
         if self.ok:
             return ""
         if self.absent:
             known = " or ".join(dict.fromkeys(way.name for way in wanted.ways))
             remedy = f"; if this firmware has it under another name: --parameter-name {wanted.key}=NAME:UNIT"
-            return f"the vehicle has no {known} ({wanted.why}){remedy if wanted.key else ''}"
+            return f"the vehicle has no {known}{why}{remedy if wanted.key else ''}"
         if self.actual is None:
-            return f"the vehicle does not report {wanted.name} ({wanted.why})"
+            return f"the vehicle does not report {wanted.name}{why}"
         if not wanted.believes(self.actual):
             return f"{wanted.name} is {self.actual:g} {wanted.unit}: that is impossible; does this firmware use another unit?"
         to_be = "must be checked by hand" if self.to_set is None else f"must be {self.to_set:g}"
-        return f"{wanted.name} is {self.actual:g}, {to_be}: {wanted.why}"
+        return f"{wanted.name} is {self.actual:g}, {to_be}{f': {wanted.why}' if wanted.why else ''}"
 
 
 def check_parameters(

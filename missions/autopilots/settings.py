@@ -106,6 +106,15 @@ class Settings:
         """Return the setting of a parameter, and its name; None for a parameter that is not in the table."""
         return self._by_name.get(name)
 
+    def range_left(self, name: str, value: float) -> str:
+        """Return the plausible range of a parameter in words, if a value is outside it; otherwise, or if it is not known, nothing."""
+        found = self.find(name)
+        if found is None:
+            return ""
+        setting, spelled = found
+        low, high = (bound * UNITS[spelled.unit] for bound in setting.plausible)
+        return "" if low <= value <= high else f"{low:g} to {high:g} {spelled.unit}".rstrip()
+
     def in_our_units(self, values: Mapping[str, float]) -> dict[str, float]:
         """Return parameters, by name and in the autopilot's units, as settings by key and in ours; others are omitted."""
         known = ((self.find(name), value) for name, value in values.items())

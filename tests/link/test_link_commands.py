@@ -139,6 +139,35 @@ def test_a_broken_parameter_file_names_its_line(tmp_path):
         read_required(file)
 
 
+def test_a_file_that_holds_no_parameters_is_one_error(plan):
+    with pytest.raises(InputError) as caught:
+        read_required(plan)
+    [fault] = caught.value.faults
+    assert "is no parameter file: " in fault.problem
+    assert fault.remedy == "a file of lines NAME,VALUE, as skyway mission and ground stations write them"
+
+
+def test_an_impossible_value_or_an_unknown_name_of_a_parameter_is_refused(run, plan, tmp_path):
+    file = tmp_path / "p.param"
+    with served(tcp_port=0, autopilot="px4") as there:
+        port, has = there.where()[1], there.world.vehicles[1].autopilot.parameters
+        file.write_text("MPC_XY_CRUISE,12\nMPC_XY_VEL_MAX,2000\n")
+        told = "p.param:2: MPC_XY_VEL_MAX: is outside the plausible range (got '2000'); 0 to 60 m/s"
+        code, text = run("upload", plan, "--parameters", file, "--yes", port=port)
+        assert (code, text.endswith(told)) == (2, True)
+        code, text = run("params", "set", "MPC_XY_VEL_MAX", "2000", "--yes", port=port)
+        assert (code, text) == (2, "MPC_XY_VEL_MAX: is outside the plausible range (got '2000'); 0 to 60 m/s")
+        file.write_text("MPC_XY_CRUISE,12\nNOT_A_PARAM,1\n")
+        for wanted in ([], ["--yes"]):
+            code, text = run("upload", plan, "--parameters", file, *wanted, port=port)
+            assert code == 2
+            assert text.endswith("the vehicle has no NOT_A_PARAM; correct the name, or remove its line")
+        assert (has["MPC_XY_CRUISE"], has["MPC_XY_VEL_MAX"]) == (5.0, 12.0)
+        file.write_text("MPC_XY_CRUISE,12\n")
+        text = run("upload", plan, "--parameters", file, port=port)[1]
+        assert "parameter MPC_XY_CRUISE is 5: would be set to 12\n" in text
+
+
 def test_what_would_be_sent_stands_beside_what_is_on_board(run, plan, tmp_path):
     other = tmp_path / "other.plan"
     write(MissionDocument(a_mission(8, height=70.0), a_fence(), some_rally_points()), other)
@@ -268,8 +297,8 @@ def test_json_says_the_same_as_the_lines(run, plan, tmp_path):
 
 def test_a_negative_value_is_no_option(run):
     with served(tcp_port=0, autopilot="px4") as there:
-        code, text = run("params", "set", "MPC_XY_CRUISE", "-1", port=there.where()[1])
-    assert (code, text) == (0, "MPC_XY_CRUISE: 5 -> -1 would be set; add --yes\n")
+        code, text = run("params", "set", "RTL_RETURN_ALT", "-1", port=there.where()[1])
+    assert (code, text) == (0, "RTL_RETURN_ALT: 60 -> -1 would be set; add --yes\n")
 
 
 def test_a_signed_link_takes_the_key_from_a_file_or_the_environment_and_no_link_goes_without(

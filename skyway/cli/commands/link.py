@@ -102,7 +102,7 @@ def upload(
             show_findings(findings)
         if yes:
             refuse_armed(vehicle, "upload a mission", allowed=armed)
-        checks = _check_parameters(vehicle, wanted, yes=yes, as_json=as_json)
+        checks = _check_parameters(vehicle, wanted, parameters, yes=yes, as_json=as_json)
         if not yes:
             _show_dry_run(vehicle, identity, parts, checks, findings, as_json=as_json)
             return
@@ -134,13 +134,21 @@ def _refuse_errors(file: Path, findings: Sequence[Finding]) -> None:
 
 
 def _check_parameters(
-    vehicle: Vehicle, wanted: Sequence[Parameter], *, yes: bool, as_json: bool
+    vehicle: Vehicle, wanted: Sequence[Parameter], file: Path | None, *, yes: bool, as_json: bool
 ) -> list[ParameterState]:
-    """Read the parameters that a mission needs; with consent set those that will not do, and read them back."""
+    """Read the parameters that a mission needs; with consent set those that will not do, and read them back.
+
+    An `InputError` refuses values of parameters that the vehicle does not have, before any is set.
+    """
     from skyway.cli.views.link import ParameterState
 
     rows = []
-    for check in vehicle.check_required(wanted):
+    checks = vehicle.check_required(wanted)
+    remedy = "correct the name, or remove its line"
+    refuse(
+        [Fault(c.problem, str(file), remedy=remedy) for c in checks if c.actual is None and c.wanted.value is not None]
+    )
+    for check in checks:
         state, value = _parameter_state(vehicle, check, yes=yes)
         rows.append(ParameterState(name=check.wanted.name, was=check.actual, now=value, state=state))
         if not as_json:
@@ -152,12 +160,12 @@ def _check_parameters(
 def _parameter_state(vehicle: Vehicle, check: ParameterCheck, *, yes: bool) -> tuple[str, float | None]:
     if check.ok:
         return "ok", check.actual
+    why = f": {check.wanted.why}" if check.wanted.why else ""
     if check.to_set is None:
-        why = f": {check.wanted.why}" if check.wanted.why else ""
         lacks = "the vehicle does not have it; " if check.actual is None else ""
         return f"{lacks}must be checked by a person{why}", check.actual
     if not yes:
-        return f"would be set to {check.to_set:g}: {check.wanted.why}", check.actual
+        return f"would be set to {check.to_set:g}{why}", check.actual
     value = vehicle.set_parameter(check.wanted.name, check.to_set).value
     return f"set to {value:g}", value
 

@@ -12,7 +12,7 @@ import typer
 from skyway.cli import options
 from skyway.cli.connection_options import Armed, Link, Yes, refuse_armed
 from skyway.cli.option_groups import with_groups
-from skyway.models.base.errors import CommandRefusedError, LinkError
+from skyway.models.base.errors import CommandRefusedError, InputError, LinkError
 from skyway.models.base.json_text import json_text
 
 
@@ -111,10 +111,15 @@ def params_set(
     --------
       skyway params set RTL_ALT 6000 --yes --connect tcp:127.0.0.1:5760
     """
+    from skyway.link.protocol.parameter_file import IMPLAUSIBLE
+
     with link.aboard() as vehicle:
         if yes:
             refuse_armed(vehicle, "set a parameter", allowed=armed)
         before = vehicle.parameter(name).value
+        expected = vehicle.family.settings.range_left(name, value)
+        if expected:
+            raise InputError(IMPLAUSIBLE, field=name, value=f"{value:.9g}", remedy=expected)
         after = vehicle.set_parameter(name, value).value if yes else value
     if as_json:
         typer.echo(json_text(ParameterSet(name=name, was=before, value=after, set=yes)))
