@@ -112,6 +112,9 @@ def format_of(path: Path) -> str:
     found = next((name for names in (whole, named, damaged) for name in names), None)
     if found is None:
         raise InputError(Fault("is not a known flight log format", str(path), remedy=titles()))
+    if FORMATS[found].takes_columns and head.lstrip()[:1] in (b"{", b"["):
+        problem = "is JSON (a plan, mission or journal), not a flight log"
+        raise InputError(Fault(problem, str(path), remedy=f"name {titles()}; skyway report reads journals"))
     return found
 
 

@@ -24,6 +24,7 @@ from skyway.link.supervisor.states import ENDS, IN_AIR, State, Status, Turn
 from skyway.link.supervisor.wind_book import WindBook
 from skyway.link.supervisor.work import ground as work_ground
 from skyway.models.base.errors import LinkError, StationConflictError
+from skyway.models.base.formatting import duration
 from skyway.models.composition.file import to_json
 from skyway.models.wind.estimation.field import ResidualModel
 
@@ -38,6 +39,8 @@ if TYPE_CHECKING:
     from skyway.models.base.clock import Clock
     from skyway.models.queues.pad_service import PadService
 
+CLOCK_SLACK_S = 60.0
+"""Clocks of a vehicle may differ by this before and after a resume."""
 STEPS: Mapping[State, Callable[[Context], After]] = {
     State.CONNECTING: connect.connecting,
     State.REPLANNING: ground.replanning,
@@ -94,8 +97,18 @@ class Supervisor:
             records = read_journal(journal.path).records
             resuming.restore(self.context, records)
             self.context.note(Resumed(last=records[-1].n), f"the journal ends in the state {records[-1].state}")
+            self._tell_earlier_clock(records[-1].time_s)
         else:
             self.context.note(self._start(job), f"{'delivery' if job.work is None else 'work'} {job.composition}")
+
+    def _tell_earlier_clock(self, ended_s: float) -> None:
+        """Say that the times of a resumed journal go back."""
+        before_s = ended_s - self.context.now_s
+        if before_s > CLOCK_SLACK_S:
+            self.context.tell(
+                f"the clock is {duration(before_s)} before the end of the journal, so its times go back, and durations in its report will be wrong: "
+                "is it the same vehicle, or was a simulation started anew?"
+            )
 
     @staticmethod
     def _start(job: DeliveryJob) -> Start:

@@ -67,14 +67,16 @@ class HealthBook:
         self.path, self._zone = folder / NAME, zone
 
     def passed_today(self, uid: int, now_s: float) -> CheckKept | None:
-        """Return the last check of a vehicle, where it was today, by the clock of the zone, and found it good."""
+        """Return the last check of a vehicle, where it was today, by the clock of the zone, and found it good.
+
+        One that is later than now is of another clock, as of a simulation, and does not count.
+        """
         checks = [one for one in self._of(uid) if isinstance(one, CheckKept)]
         last = checks[-1] if checks else None
-        return (
-            last
-            if last is not None and last.ok and self._day(parse_instant(last.time)) == self._day(from_posix(now_s))
-            else None
-        )
+        if last is None or not last.ok:
+            return None
+        then, now = parse_instant(last.time), from_posix(now_s)
+        return last if then <= now and self._day(then) == self._day(now) else None
 
     def last_flight(self, uid: int) -> Vibration | None:
         """Vibration of a vehicle on its last flight; None where none was monitored."""

@@ -7,10 +7,13 @@ same meaning are the same, and nothing else is.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from dataclasses import field as dataclass_field
 from itertools import zip_longest
 from typing import TYPE_CHECKING
 
 from skyway.missions.autopilots.registry import family_named
+from skyway.missions.items.commands import is_scaled
+from skyway.missions.items.coordinates import E7
 from skyway.missions.items.fence_items import CLAIMED_COUNT
 from skyway.missions.items.geofence import FencePolygon, Geofence
 from skyway.missions.items.mission import Mission
@@ -43,10 +46,25 @@ class Difference:
     sent: object
     read: object
     """The two values; None: absent."""
+    in_e7: bool = dataclass_field(default=False, compare=False)
+    """The values are a latitude or longitude in units of 1e-7 degree."""
 
     def __str__(self) -> str:
-        where = "count" if self.item is None else f"item {self.item} {self.field}"
-        return f"{where}: sent {self.sent}, read back {self.read}"
+        where = "count" if self.item is None else f"item {self.item} {self.name}"
+        return f"{where}: sent {self.words(self.sent)}, read back {self.words(self.read)}"
+
+    @property
+    def name(self) -> str:
+        """The field, for a person."""
+        return {"x": "latitude", "y": "longitude"}.get(self.field, self.field) if self.in_e7 else self.field
+
+    def words(self, value: object) -> str:
+        """Return one of the two values, for a person."""
+        if value is None:
+            return "nothing"
+        if self.in_e7 and isinstance(value, (int, float)):
+            return f"{value / E7:.7f}"
+        return f"{value:.9g}" if isinstance(value, float) else str(value)
 
 
 def diff(
@@ -75,17 +93,18 @@ def _missions(sent: Mission, read_back: Mission, dialect: Family) -> Iterator[Di
         if ours is None or theirs is None:
             yield Difference(number, "command", ours and ours.name, theirs and theirs.name)
         elif ours != theirs:
-            yield from _fields(number, dialect.meaning(ours), dialect.meaning(theirs))
+            placed = is_scaled(ours.command, ours.frame)
+            yield from _fields(number, dialect.meaning(ours), dialect.meaning(theirs), placed=placed)
 
 
-def _fields(number: int, sent: Meaning, read: Meaning) -> Iterator[Difference]:
+def _fields(number: int, sent: Meaning, read: Meaning, *, placed: bool) -> Iterator[Difference]:
     if sent["command"] != read["command"]:
         yield Difference(number, "command", sent["command"], read["command"])
         return
     for name in dict.fromkeys((*sent, *read)):
         ours, theirs = sent.get(name), read.get(name)
         if not _same(name, ours, theirs):
-            yield Difference(number, name, ours, theirs)
+            yield Difference(number, name, ours, theirs, in_e7=placed and name in ("x", "y"))
 
 
 def _same(name: str, ours: float | str | None, theirs: float | str | None) -> bool:

@@ -274,6 +274,13 @@ def test_what_is_no_journal_is_refused_in_a_line(refused, tmp_path):
     (tmp_path / "empty.jsonl").write_text("")
     assert "not a flight journal" in refused("report", "empty.jsonl")
     assert "no such file" in refused("report", "nothing.jsonl")
+    (tmp_path / "plan.json").write_text('{"schema": "skyway.plan/1",\n "legs": []}\n')
+    assert refused("report", "plan.json") == (
+        "skyway: plan.json: is not a flight journal; name a journal (.jsonl) that skyway fly wrote"
+    )
+    assert "plan.json: is JSON (a plan, mission or journal), not a flight log; name a MAVLink" in refused(
+        "replay", "plan.json"
+    )
 
 
 def test_the_command_writes_the_page_and_never_over_another(skyway, flown, tmp_path):

@@ -185,6 +185,15 @@ def test_what_would_be_sent_stands_beside_what_is_on_board(run, plan, tmp_path):
         assert found["vehicle"]["capabilities"]
         assert [part["kind"] for part in found["parts"]] == ["fence", "rally", "mission"]
         assert there.world.vehicles[1].autopilot.stores[1] == []
+        moved = a_mission(8)
+        items = (*moved.items[:3], replace(moved.items[3], y=moved.items[3].y + 10_000), *moved.items[4:])
+        write(MissionDocument(Mission(items)), other, force=True)
+        text = run("upload", other, port=port)[1]
+        assert re.search(r"3 +NAV_WAYPOINT +40.7396000 +-73.9743000 +53 m +longitude -73.9753000\n", text)
+        assert (
+            "item 3 longitude: on the vehicle -73.9753000, in the file -73.9743000"
+            in run("verify", other, port=port)[1]
+        )
 
 
 @pytest.mark.parametrize("family", sorted(FAMILIES))

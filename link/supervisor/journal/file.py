@@ -84,12 +84,18 @@ def read_journal(path: Path) -> ReadJournal:
         except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
             if at + len(line) + 1 == len(data):
                 break  # incomplete, though a line end was on the disk before it
+            if not records and SCHEMA.encode() not in line:
+                raise _not_a_journal(path) from None
             raise InputError(Fault(f"not a record of a journal: {error}", str(path), number)) from error
         records.append(record)
         at += len(line) + 1
     if not records or records[0].event != "start" or records[0].data.get("schema") != SCHEMA:
-        raise InputError(Fault("not a flight journal", str(path), remedy="name the file that --journal wrote"))
+        raise _not_a_journal(path)
     return ReadJournal(tuple(records), at)
+
+
+def _not_a_journal(path: Path) -> InputError:
+    return InputError("is not a flight journal", str(path), remedy="name a journal (.jsonl) that skyway fly wrote")
 
 
 @dataclass(slots=True)

@@ -58,7 +58,7 @@ def replay(
     drone: Annotated[
         Path | None, typer.Option(help="Predict the flight's energy with this drone: fleet file or drone id.")
     ] = None,
-    payload: Annotated[float, typer.Option(help="Mass of the package carried, kg, for --drone.")] = 0.0,
+    payload: Annotated[float | None, typer.Option(help="Mass of the package carried, kg, for --drone.")] = None,
     aboard: Annotated[
         int | None,
         typer.Option(
@@ -94,6 +94,8 @@ def replay(
     options.check_picture(plot)
     options.refuse_overwriting(plot, csv, force=force)
     _check_control(control, connect)
+    if payload is not None and drone is None:
+        raise InputError("needs --drone", field="--payload", value=payload, remedy="name the drone that carries it")
     log, system = _chosen(log, system, aboard, quiet=as_json)
     predicted_by = None if drone is None else log_options.drone_of(drone)
     opened = open_any(log, columns)
@@ -130,7 +132,7 @@ def replay(
     from skyway.link.replay.prediction import predict
     from skyway.link.replay.report import replay_report
 
-    prediction = None if predicted_by is None else predict(found, predicted_by, payload)
+    prediction = None if predicted_by is None else predict(found, predicted_by, payload or 0.0)
     report = replay_report(found, prediction, changed(strays, "wind.filter") if settings and strays else None)
     if as_json:
         typer.echo(json_text(report))

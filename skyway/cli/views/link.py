@@ -207,19 +207,14 @@ def _on_board_of_item(found: Sequence[Difference]) -> str:
         return "the same"
     if found[0].read is None and found[0].field == "command":
         return "nothing"
-    return "; ".join(f"{difference.field} {_shown(difference.read)}" for difference in found)
+    return "; ".join(f"{difference.name} {difference.words(difference.read)}" for difference in found)
 
 
 def on_board(difference: Difference) -> str:
     """Return the vehicle's differences from the file."""
-    where = difference.field if difference.item is None else f"item {difference.item} {difference.field}"
-    return f"{where}: on the vehicle {_shown(difference.read)}, in the file {_shown(difference.sent)}"
-
-
-def _shown(value: object) -> str:
-    if value is None:
-        return "nothing"
-    return f"{value:.9g}" if isinstance(value, float) else str(value)
+    where = difference.name if difference.item is None else f"item {difference.item} {difference.name}"
+    on_vehicle, in_file = difference.words(difference.read), difference.words(difference.sent)
+    return f"{where}: on the vehicle {on_vehicle}, in the file {in_file}"
 
 
 def show_outcome(outcome: UploadOutcome) -> None:

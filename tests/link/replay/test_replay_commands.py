@@ -53,6 +53,11 @@ def test_replay_for_people_tells_legs_battery_wind_and_forecast(skyway, flight):
         assert word in text
 
 
+def test_a_package_is_of_a_drone(skyway, flight):
+    told = skyway("replay", flight, "--payload", "5", code=2)
+    assert told == "skyway: --payload: needs --drone (got '5.0'); name the drone that carries it\n"
+
+
 def test_replay_follows_in_the_order_of_time(skyway, flight):
     lines = [
         line for line in skyway("replay", flight, "--follow", "wind,battery,mission").splitlines() if line[:2] == "0:"

@@ -14,6 +14,7 @@ from skyway.link.supervisor.departure.parameter_changes import changes_of
 from skyway.link.supervisor.observed.vehicle_texts import TextLog
 from skyway.missions.autopilots.registry import family_named
 from skyway.models.base.geodesy import distance_m
+from skyway.models.base.units import from_posix, iso
 from skyway.sim_stub.faults import parse_fault
 
 SHORT = {"start": "jersey-city", "to": "hoboken"}
@@ -114,6 +115,25 @@ def test_what_was_set_is_put_back_by_a_resume_after_a_crash(tmp_path):
     assert outcome.delivered, outcome
     assert held(stage) == before
     assert not changes_of(read_journal(stage.journal_path).records).before
+
+
+@pytest.mark.parametrize("later_s", [0.0, 7200.0])
+def test_a_resume_says_that_the_clock_is_before_the_end_of_the_journal(later_s, tmp_path):
+    stage = Stage(Story(**SHORT), tmp_path)
+    answering(stage, "no")
+    stage.fly()
+    last = read_journal(stage.journal_path).records[-1]
+    later = iso(from_posix(last.time_s + later_s))
+    text = stage.journal_path.read_text()
+    head, _, tail = text.rpartition(last.time)
+    stage.journal_path.write_text(f"{head}{later}{tail}")
+    operator = answering(stage, "no")
+    stage.supervisor.context.vehicle.connection.close()
+    stage.board(resume=True).context.journal.close()
+    told = [line for line in operator.lines if "before the end of the journal" in line]
+    assert [line.partition(",")[0] for line in told] == (
+        ["the clock is 2 h before the end of the journal"] if later_s else []
+    )
 
 
 def test_a_parameter_that_somebody_else_changed_meanwhile_is_left_and_that_is_said(tmp_path):

@@ -11,7 +11,7 @@ from skyway.link.vehicle.health_book import HealthBook
 from skyway.sim_stub.faults import parse_fault
 
 SHORT = {"start": "jersey-city", "to": "hoboken", "traffic": False}
-DAY, NEXT_DAY = "2013-07-10T14:00-04:00", "2013-07-11T09:00-04:00"
+DAY, LATER, NEXT_DAY = "2013-07-10T14:00-04:00", "2013-07-10T15:00-04:00", "2013-07-11T09:00-04:00"
 
 
 class Hangar(Stage):
@@ -42,7 +42,7 @@ def test_it_is_looked_at_once_a_day(autopilot, tmp_path):
     assert "no" in outcome.reason or outcome.state == "stopped-safe"
     assert told[0].startswith("sensors, filter")
     assert "unknown: battery cells" in told[0]
-    _, again = Hangar(tmp_path, autopilot).checked()
+    _, again = Hangar(tmp_path, autopilot, depart=LATER).checked()
     assert again[0].startswith("checked at ")
 
 

@@ -168,6 +168,7 @@ def test_a_check_counts_for_its_day_in_the_zone_of_the_flights(tmp_path):
     book.add(5, at("2026-11-23T08:00:00+11:00"), good)
     assert book.passed_today(5, at("2026-11-23T23:30:00+11:00")) is not None
     assert book.passed_today(5, at("2026-11-24T00:10:00+11:00")) is None
+    assert book.passed_today(5, at("2026-11-23T07:59:00+11:00")) is None, "another clock: it is of the future"
     assert book.passed_today(6, at("2026-11-23T09:00:00+11:00")) is None
     book.add(5, at("2026-11-23T10:00:00+11:00"), [HealthItem("sensors", "no", "gyro")])
     assert book.passed_today(5, at("2026-11-23T11:00:00+11:00")) is None

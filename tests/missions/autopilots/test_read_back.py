@@ -91,7 +91,10 @@ def test_what_an_autopilot_is_known_to_rewrite_is_no_difference(autopilot, give_
 def test_whatever_changes_the_flight_is_told_by_item_and_field(autopilot, number, changes, field):
     differences = diff(SENT, with_item(SENT, number, **changes), autopilot)
     assert [(d.item, d.field) for d in differences] == [(number, field)]
-    assert str(differences[0]).startswith(f"item {number} {field}: sent ")
+    name = {"x": "latitude", "y": "longitude"}.get(field, field)
+    assert str(differences[0]).startswith(f"item {number} {name}: sent ")
+    if field == "x":
+        assert str(differences[0]).endswith(" read back 47.0100100")
 
 
 def test_the_frame_of_an_item_without_a_place_does_not_matter():
