@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from skyway.cli.views.sheet import Column, Sheet, say
-from skyway.models.base.formatting import duration, percent, probability, with_unit
+from skyway.models.base.formatting import duration, modelled, percent, with_unit
 
 if TYPE_CHECKING:
     from skyway.recharge.order.ordering import OrderTold
@@ -38,7 +38,7 @@ def print_recharge(summary: RechargeSummary) -> None:
             duration(flight.flight_s),
             f"{flight.energy_wh:.0f}",
             f"{percent(flight.soc_start)} to {percent(flight.soc_end)}",
-            probability(flight.p_reserve, 1),
+            modelled(flight.p_reserve),
             stay.pad if stay else "the end",
             duration(stay.wait_s) if stay and stay.wait_s >= 0.5 else "",
             f"{duration(stay.charge_s)} to {percent(stay.soc_to)}" if stay and stay.charge_s >= 0.5 else "",
@@ -53,7 +53,7 @@ def print_recharge(summary: RechargeSummary) -> None:
     )
     say(
         f"{stops} stop{'' if stops == 1 else 's'}; every landing keeps the reserve of {percent(summary.reserve_soc)} with"
-        f" probability {probability(summary.p_reserve, 1)}"
+        f" probability {modelled(summary.p_reserve)}"
     )
     if summary.pictures.before or summary.pictures.after:
         say(_pictures(summary.pictures))

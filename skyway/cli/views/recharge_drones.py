@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from skyway.cli.views.sheet import Column, Sheet, say
-from skyway.models.base.formatting import duration, percent, probability, with_unit
+from skyway.models.base.formatting import duration, modelled, percent, with_unit
 
 if TYPE_CHECKING:
     from skyway.recharge.shared_summary import DronesSummary
@@ -36,7 +36,7 @@ def print_drones(summary: DronesSummary) -> None:
             str(one.units),
             str(len(told.flights)),
             duration(told.ends_s[0]),
-            probability(told.p_reserve, 1),
+            modelled(told.p_reserve),
             one.folder,
         )
     sheet.show()
@@ -56,7 +56,7 @@ def print_drones(summary: DronesSummary) -> None:
     say(f"as planned {duration(summary.end_s)}; lower bound for any sharing {duration(summary.bound_s)}{alone}")
     say(
         f"every landing of every drone keeps the reserve of {percent(summary.reserve_soc)} with probability"
-        f" {probability(summary.p_reserve, 1)}"
+        f" {modelled(summary.p_reserve)}"
     )
     if summary.pictures:
         say(

@@ -19,7 +19,7 @@ from skyway.missions.recharge.parts import PartBuilder
 from skyway.missions.recharge.spans import Span, spans_of
 from skyway.models.base import geodesy
 from skyway.models.base.errors import InputError
-from skyway.models.base.formatting import duration, percent, probability
+from skyway.models.base.formatting import duration, modelled, percent
 from skyway.models.drones.energy_belief import SOC_SD
 from skyway.models.flight.energy import FlightPower
 from skyway.recharge.cutting import MAX_ROUNDS, ROUNDED, Recharged, cuts_of, flights_of
@@ -383,7 +383,7 @@ class SetPlanner:
         said = (
             f"to {to} with {percent(soc)}, {len(spans) - 1} more stop{'' if len(spans) == 2 else 's'}; the work ends in"
             f" {duration(flown.end_s)} ({duration(flown.end_p50_s)} in half of the cases, {duration(flown.end_late_s)} in 95 %),"
-            f" all landings keep the reserve with probability {probability(flown.p_reserve, 1)}"
+            f" all landings keep the reserve with probability {modelled(flown.p_reserve)}"
         )
         figures = {
             "p_reserve": flown.p_reserve, "end_mean_s": flown.end_s, "end_p05_s": flown.end_early_s, "end_p50_s": flown.end_p50_s,

@@ -5,7 +5,7 @@ from __future__ import annotations
 from datetime import UTC
 from typing import Any
 
-from skyway.models.base.formatting import distance_text, duration, percent, probability
+from skyway.models.base.formatting import distance_text, duration, modelled, percent
 from skyway.report.svg import safe
 from skyway.web import drawn
 from skyway.web.pages.plan_answer import LEGEND
@@ -22,7 +22,7 @@ def figures(found: dict[str, Any]) -> str:
         ("with no stop", duration(told["work_s"]), "the work alone"),
         (
             "reserve kept",
-            probability(told["p_reserve"], 1),
+            modelled(told["p_reserve"]),
             f"every landing with {percent(told['reserve_soc'])} or more",
         ),
     ]
@@ -75,7 +75,7 @@ def flights(found: dict[str, Any]) -> str:
         wait = duration(stay["wait_s"]) if stay and stay["wait_s"] >= 0.5 else ""
         cells = (
             duration(one["depart_s"]), duration(one["flight_s"]), distance_text(one["distance_m"]), f"{one['energy_wh']:.0f}",
-            f"{percent(one['soc_start'])} to {percent(one['soc_end'])}", probability(one["p_reserve"], 1),
+            f"{percent(one['soc_start'])} to {percent(one['soc_end'])}", modelled(one["p_reserve"]),
         )  # fmt: skip
         rows.append(
             f"<tr><td class='n'>{one['number']}</td><td>{at}</td>{''.join(f'<td class=n>{safe(cell)}</td>' for cell in cells)}"
