@@ -59,7 +59,7 @@ class Delivery:
         scenario, origin = typed_values.place(scenario, self.start, "--from")
         scenario, destination = typed_values.place(scenario, self.to, "--to")
         state = State(depart, origin, None, typed_values.percent(self.soc, "--soc"))
-        with typed_values.as_typed():
+        with typed_values.as_typed(objective=objective, not_before=self.not_before, dwell_s=self.dwell):
             return scenario, Request(
                 state=state,
                 destination=destination,

@@ -59,13 +59,21 @@ TYPED = {
 
 
 @contextmanager
-def as_typed() -> Iterator[None]:
-    """Name options, not fields, in the faults of what was typed."""
+def as_typed(**texts: str | None) -> Iterator[None]:
+    """Name options, not fields, in the faults of what was typed, and the value of a field as typed where its text is given."""
+
+    def typed(fault: Fault) -> Fault:
+        if fault.file:
+            return fault
+        text = texts.get(fault.field or "")
+        return replace(
+            fault, field=TYPED.get(fault.field or "", fault.field), value=fault.value if text is None else text
+        )
+
     try:
         yield
     except InputError as error:
-        typed = (one if one.file else replace(one, field=TYPED.get(one.field or "", one.field)) for one in error.faults)
-        raise InputError(list(typed)) from None
+        raise InputError([typed(one) for one in error.faults]) from None
 
 
 @contextmanager

@@ -108,7 +108,7 @@ class Request:
         if isinstance(objective, str):
             object.__setattr__(self, "objective", Objective.parse(objective))
         faults = [*_check_state(self.state), *_check_objective(self), *_check_earliest(self)]
-        payload = "kilograms, 0 or more"
+        payload = "kilograms, 0 to 1000"
         faults += range_faults(
             "payload_kg", self.payload_kg, 0.0, 1000.0, payload, divided(self.payload_kg, 1000.0, 1000.0)
         )
@@ -125,7 +125,7 @@ class Request:
             lower = str(self.recharge).strip().lower()
             remedy = f"did you mean {lower}?" if lower in RECHARGES else "full or enough"
             faults.append(Fault("is not known", field="recharge", value=self.recharge, remedy=remedy))
-        faults += range_faults("dwell_s", self.dwell_s, 0.0, MAX_DWELL_S, "seconds, 0 to 12 hours")
+        faults += range_faults("dwell_s", self.dwell_s, 0.0, MAX_DWELL_S, "0 to 12 h (43200 s)")
         if self.release not in RELEASES:
             faults.append(Fault("is not known", field="release", value=self.release, remedy=", ".join(RELEASES)))
         elif self.in_air and self.dwell_s not in (0.0, hover_s(self.release)):

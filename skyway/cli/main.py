@@ -19,7 +19,7 @@ from skyway import __version__
 from skyway.cli import extras
 from skyway.cli.command_groups import GROUPS, GroupedCommands, add_command
 from skyway.cli.compiling import show_compiling
-from skyway.cli.typed_words import BARE, fill, with_command, with_new_names
+from skyway.cli.typed_words import BARE, fill, usage_words, with_command, with_new_names
 from skyway.models.base.errors import SkywayError
 
 USAGE_ERROR: type[Exception] = next(base for base in typer.BadParameter.__mro__ if base.__name__ == "ClickException")
@@ -106,7 +106,7 @@ def _tell_usage(error: Exception) -> None:
         return
     context = getattr(error, "ctx", None)
     command = context.command_path if context is not None else "skyway"
-    typer.echo(f"skyway: {' '.join(message.split())} (see: {command} --help)", err=True)
+    typer.echo(f"skyway: {usage_words(error)} (see: {command} --help)", err=True)
 
 
 def run() -> None:

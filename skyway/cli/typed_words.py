@@ -1,8 +1,10 @@
-"""Words that need more than typer's parsing: former names of options, and options whose value may be omitted."""
+"""Words that need more than typer's parsing: former names, options whose value may be omitted, and what was typed wrongly."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
+
+from skyway.models.base.errors import Fault
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Mapping, Sequence
@@ -24,6 +26,9 @@ BARE: Mapping[str, Mapping[str, str]] = {
     "replay": {"--aboard": "0"},
 }
 """What an option of a command means where it stands bare, ``--jitter`` for ``--jitter 0.01``: typer has no such options."""
+
+_NUMBERS = {"float_parsing": "is not a number", "int_parsing": "is not a whole number"}
+_ENDS = {"ge": "or more", "le": "or less", "gt": "is too little", "lt": "is too much"}
 
 
 def with_new_names(arguments: list[str]) -> list[str]:
@@ -63,3 +68,22 @@ def _number(word: str) -> bool:
     except ValueError:
         return False
     return True
+
+
+def usage_words(error: Any) -> str:
+    """Describe a usage error of typer; a value that it could not convert is named with its option, and with what is allowed."""
+    cause, parameter = error.__context__, getattr(error, "param", None)
+    if parameter is None or not hasattr(cause, "errors"):
+        return " ".join(error.format_message().split())
+    found = cause.errors()[0]
+    dashed = [one for one in parameter.opts if one.startswith("--")]
+    option, value, context = (dashed or [parameter.human_readable_name])[0], found.get("input"), found.get("ctx", {})
+    end = next((f"{context[key]:g} {words}" for key, words in _ENDS.items() if key in context), None)
+    if end is not None:
+        return str(Fault("out of range", field=option, value=value, remedy=end))
+    if found["type"] in _NUMBERS:
+        return str(Fault(_NUMBERS[found["type"]], field=option, value=value))
+    _, choice, known = found["msg"].partition(" is not one of ")
+    if choice:
+        return str(Fault("is not known", field=option, value=value, remedy=f"one of {known.rstrip('.')}"))
+    return str(Fault(found["msg"], field=option, value=value))

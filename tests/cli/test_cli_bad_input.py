@@ -26,9 +26,12 @@ WRONG = {
         "--to: fits several stations (got 'siuh'); choose one of siuh-north, siuh-south",
     ),
     "empty station": ("--from", "", "--from: no such station"),
-    "negative payload": ("--payload", "-1", "--payload: out of range (got '-1.0'); kilograms, 0 or more"),
+    "negative payload": ("--payload", "-1", "--payload: out of range (got '-1.0'); kilograms, 0 to 1000"),
     "payload no number": ("--payload", "nan", "--payload: out of range (got 'nan')"),
-    "payload in words": ("--payload", "heavy", "'--payload': Input should be a valid number"),
+    "payload in words": ("--payload", "heavy", "--payload: is not a number (got 'heavy')"),
+    "payload with its unit": ("--payload", "0.8kg", "--payload: is not a number (got '0.8kg')"),
+    "payload of a planet": ("--payload", "1e308", "--payload: out of range (got '1e+308'); kilograms, 0 to 1000"),
+    "release": ("--release", "throw", "--release: is not known (got 'throw'); one of 'gripper', 'winch'"),
     "payload infinite": ("--payload", "inf", "--payload: out of range"),
     "naive time": ("--depart", "2013-07-10T14:00", "--depart: the time has no UTC offset"),
     "date alone": ("--depart", "2013-07-10", "--depart: the time has no UTC offset"),
@@ -75,15 +78,21 @@ WRONG = {
     ),
     "package in grams": ("--payload", "1200", "did you mean 1.2?"),
     "mode in capitals": ("--recharge", "FULL", "--recharge: is not known (got 'FULL'); did you mean full?"),
+    "deadline before": (
+        "--objective",
+        "on-time 2013-07-10T13:00-04:00",
+        "--objective: the deadline is before the departure (got 'on-time 2013-07-10T13:00-04:00')",
+    ),
+    "dwell of a day": ("--dwell", "30h", "--dwell: out of range (got '30h'); 0 to 12 h (43200 s)"),
     "deadline next year": (
         "--objective",
         "on-time 2014-07-10T16:00Z",
         "--objective: the deadline is more than 48 h after",
     ),
-    "no alternative": ("--alternatives", "0", "'--alternatives'"),
+    "no alternative": ("--alternatives", "0", "--alternatives: out of range (got '0'); 1 or more"),
     "drone": ("--drone", "m100", "--drone: no such drone (got 'm100'); the fleet has m200, m600, m210, m300"),
     "recharge": ("--recharge", "some", "--recharge: is not known (got 'some'); full or enough"),
-    "seed negative": ("--seed", "-5", "'--seed': Input should be greater than or equal to 0"),
+    "seed negative": ("--seed", "-5", "--seed: out of range (got '-5'); 0 or more"),
     "time limit": ("--time-limit", "0", "--time-limit: must be above 0"),
     "truth in words": ("--actual-wind", "yesterday", "--actual-wind: neither a date nor a file (got 'yesterday')"),
     "truth out of the record": ("--actual-wind", "2012-07-10", "(got '2012-07-10'); the record covers 2013-01-01"),
@@ -116,7 +125,7 @@ def test_a_missing_option_is_named(refused, missing):
 def test_unknown_commands_and_options_are_usage_errors(refused):
     assert "No such command 'fly-away'" in refused("fly-away")
     assert "No such option: --bogus" in refused("plan", *HOP, "--bogus")
-    assert "'--hours': Input should be less than or equal to 48" in refused("wind", "--hours", "100")
+    assert "--hours: out of range (got '100'); 48 or less" in refused("wind", "--hours", "100")
     assert "no such planner (got 'best')" in refused("compare", *HOP, "--planners", "pfs,best")
     assert "no planner named" in refused("compare", *HOP, "--planners", ",")
 
