@@ -5,6 +5,7 @@ from __future__ import annotations
 import gzip
 import os
 import tempfile
+import time
 import zlib
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, BinaryIO
@@ -21,12 +22,36 @@ def file_error(action: str, path: Path, error: Exception) -> InputError:
     return InputError(f"cannot be {action}: {getattr(error, 'strerror', None) or error}", str(path))
 
 
+PIPE_S = 10.0
+"""A named pipe that nothing opens for writing in so long is an error: reading it would never end."""
+
+
+def _pipe_bytes(path: Path, max_bytes: int) -> bytes:
+    """Read a pipe to its end, or beyond `max_bytes`; an `InputError` if nothing begins to write into it."""
+    until, opened, data = time.monotonic() + PIPE_S, False, b""
+    with os.fdopen(os.open(path, os.O_RDONLY | os.O_NONBLOCK), "rb", buffering=0) as stream:
+        while len(data) <= max_bytes:
+            part = stream.read(1 << 16)  # None: nothing yet; empty: nothing writes, not yet or no longer
+            if part == b"" and opened:
+                break
+            if part == b"" and time.monotonic() > until:
+                remedy = "start what writes into it, or name a file"
+                raise InputError(f"is a pipe into which nothing writes within {PIPE_S:g} s", str(path), remedy=remedy)
+            opened = opened or part != b""
+            data += part or b""
+            if not part:
+                time.sleep(0.02)
+    return data
+
+
 def read_bytes(path: Path, *, max_bytes: int) -> bytes:
     """Read a file of at most `max_bytes` (counted after decompression for ``.gz``).
 
-    Raises an `InputError` if it is missing, a folder, unreadable, damaged or too large.
+    Raises an `InputError` if it is missing, a folder, unreadable, damaged, too large, or a pipe into which nothing writes.
     """
     try:
+        if path.is_fifo():
+            return _checked(path, _pipe_bytes(path, max_bytes), max_bytes)
         opener = gzip.open if path.suffix == ".gz" else open
         with opener(path, "rb") as stream:
             data = stream.read(max_bytes + 1)
@@ -34,12 +59,18 @@ def read_bytes(path: Path, *, max_bytes: int) -> bytes:
         raise InputError("no such file", str(path)) from None
     except IsADirectoryError:
         raise InputError("is a folder, not a file", str(path)) from None
+    except InputError:
+        raise
     except (OSError, EOFError, zlib.error, ValueError) as error:
         raise file_error("read", path, error) from error
+    return _checked(path, data, max_bytes)
+
+
+def _checked(path: Path, data: bytes, max_bytes: int) -> bytes:
+    """Return what was read; an `InputError` if it is too much."""
     if len(data) > max_bytes:
-        raise InputError(
-            f"is larger than {max_bytes / 1e6:.0f} MB", str(path), remedy="cut it to the part that is needed"
-        )
+        remedy = "cut it to the part that is needed"
+        raise InputError(f"is larger than {max_bytes / 1e6:.0f} MB", str(path), remedy=remedy)
     return bytes(data)
 
 

@@ -100,7 +100,9 @@ def listed(files: Sequence[Path]) -> list[Path]:
 
 
 def is_table(path: Path) -> bool:
-    """Whether a file is a forecast of our own form, by its header."""
+    """Whether a file is a forecast of our own form, by its header; an `InputError` if it is a pipe."""
+    if path.is_fifo():  # read more than once
+        raise InputError("is a pipe, not a file", str(path), remedy="save the forecast to a file first")
     if path.suffix == ".gz":
         return path.name.endswith(".csv.gz")
     try:

@@ -198,7 +198,7 @@ class _RowReader:
     def _parse_speed(self, text: str) -> float | Problem:
         if text.casefold() in self._missing:
             return math.nan
-        value = parse_number(text)
+        value = parse_number(text, "list the text under missing")
         if isinstance(value, Problem):
             return value
         if value < 0.0:
@@ -206,7 +206,9 @@ class _RowReader:
         return value * SPEED_UNITS_MPS[self._columns.speed_unit]
 
     def _parse_direction(self, text: str) -> float | Problem:
-        return math.nan if text.casefold() in self._no_direction else parse_direction(text)
+        if text.casefold() in self._no_direction:
+            return math.nan
+        return parse_direction(text, "list the text under variable")
 
     def _parse_time(self, text: str) -> float | Problem:
         pattern, zone = self._columns.time_format, self._columns.zone
@@ -261,19 +263,20 @@ def check_year(stamp: datetime) -> Problem | None:
     return Problem("the time is out of range", f"a year from {FIRST_YEAR} to {LAST_YEAR}")
 
 
-def parse_number(text: str) -> float | Problem:
-    """Read a finite decimal number."""
+def parse_number(text: str, otherwise: str = "") -> float | Problem:
+    """Read a finite decimal number; `otherwise` is what else helps if it is none, such as where texts without a number are listed."""
     try:
         value = float(text) if "_" not in text else math.nan
     except ValueError:
         hint = "write the decimals after a point" if re.fullmatch(r"[-+]?\d+,\d+", text) else "a number"
-        return Problem("not a number", f"{hint}, or list the text under missing")
-    return value if math.isfinite(value) else Problem("not a finite number", "list the text under missing")
+        return Problem("not a number", f"{hint}, or {otherwise}" if otherwise else hint)
+    return value if math.isfinite(value) else Problem("not a finite number", otherwise or "a number, or omit the row")
 
 
-def parse_direction(text: str) -> float | Problem:
-    """Read a direction in degrees, 0 to 360."""
-    value = parse_number(text)
+def parse_direction(text: str, otherwise: str = "") -> float | Problem:
+    """Read a direction in degrees, 0 to 360; `otherwise` as for `parse_number`."""
+    value = parse_number(text, otherwise)
     if isinstance(value, float) and not 0.0 <= value <= 360.0:
-        return Problem("direction out of range", "degrees from 0 to 360, or list the text under variable")
+        remedy = "degrees from 0 to 360"
+        return Problem("direction out of range", f"{remedy}, or {otherwise}" if otherwise else remedy)
     return value

@@ -72,7 +72,10 @@ def counted(observed: Sequence[ObservedWind], sites: Sequence[WindSite], depart_
     kept = [one for one in kept if one not in old]
     far = [(one, away) for one in kept if (away := _away_m(one, sites)) > FAR_M]
     for one, away in far:
-        notes.append(f"the wind observed at {one.place} is ignored: {distance_text(away)} from every wind site")
+        swapped = "; lat and lon look swapped" if _away_m(one, sites, swapped=True) < FAR_M else ""
+        notes.append(
+            f"the wind observed at {one.place} is ignored: {distance_text(away)} from every wind site{swapped}"
+        )
     kept = [one for one in kept if all(one is not other for other, _ in far)]
     order = {site.id: number for number, site in enumerate(sites)}
     stations = sorted(_newest([one for one in kept if not one.drone]), key=lambda one: order.get(one.place, len(order)))
@@ -86,9 +89,13 @@ def _many(winds: Sequence[ObservedWind]) -> str:
     return f"{len(winds)} observed winds are"
 
 
-def _away_m(one: ObservedWind, sites: Sequence[WindSite]) -> float:
+def _away_m(one: ObservedWind, sites: Sequence[WindSite], *, swapped: bool = False) -> float:
+    """Distance of an observation from the nearest site; infinite if its `swapped` latitude is none."""
     lat, lon = np.array([site.lat for site in sites]), np.array([site.lon for site in sites])
-    return float(inverse(one.observation.lat_deg, one.observation.lon_deg, lat, lon)[0].min())
+    here = one.observation.lat_deg, one.observation.lon_deg
+    if swapped and abs(here[1]) > 90.0:
+        return np.inf
+    return float(inverse(*(here[::-1] if swapped else here), lat, lon)[0].min())
 
 
 def _newest(winds: Sequence[ObservedWind]) -> list[ObservedWind]:

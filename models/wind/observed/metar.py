@@ -54,6 +54,8 @@ class MetarWind:
     corrected: bool
     line: int
     """Position of its begin in the text."""
+    group: str = ""
+    """The wind as it was reported."""
 
 
 def parse_metars(text: str, near_s: float, faults: FaultCollector) -> list[MetarWind]:
@@ -134,7 +136,14 @@ def _report(
     unknown = speed is not None and speed > 0.0 and wind[1] == "///"
     calm = speed == 0.0
     return MetarWind(
-        station, time_s, None if unknown else speed, None if calm or unknown else degrees, gust, corrected, line
+        station,
+        time_s,
+        None if unknown else speed,
+        None if calm or unknown else degrees,
+        gust,
+        corrected,
+        line,
+        wind[0],
     )
 
 

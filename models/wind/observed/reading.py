@@ -85,7 +85,8 @@ def read_observed(
     if typed is not None and not os.path.isfile(given):  # noqa: PTH113  it takes any text
         return Observations((_typed(typed, given, sites, measured_at_m, depart_s, field),))
     path = Path(given)
-    if not path.suffix and ("@" in given or "=" in given):
+    bare = not path.suffix and site_named(given, sites) is not None and not os.path.exists(given)  # noqa: PTH110
+    if bare or (not path.suffix and ("@" in given or "=" in given)):
         remedy = "write SITE=SPEED@FROM, m/s@degrees FROM, such as EWR=8@270, or name a file"
         raise InputError("not an observed wind", field=field, value=given, remedy=remedy)
     text = read_text(path, max_bytes=MAX_BYTES)
@@ -161,7 +162,7 @@ def _from_metars(
         elif one.speed_mps is None:
             notes.append(f"{file}:{one.line}: {one.station} reports no wind at {iso(from_posix(one.time_s))}")
         elif one.speed_mps > MAX_SPEED_MPS:
-            faults.add("not a wind speed", f"up to {MAX_SPEED_MPS:g} m/s", line=one.line, value=one.speed_mps)
+            faults.add("not a wind speed", f"up to {MAX_SPEED_MPS:g} m/s", line=one.line, value=one.group)
         else:
             calm = one.speed_mps == 0.0
             degrees = 0.0 if calm else one.from_deg
@@ -257,7 +258,7 @@ def _speed(text: str) -> float | Problem:
 
 
 def _direction(text: str) -> float | Problem:
-    return math.nan if text.casefold() in ("", *VARIABLE) else parse_direction(text)
+    return math.nan if text.casefold() in ("", *VARIABLE) else parse_direction(text, "variable")
 
 
 class _Measured(msgspec.Struct):

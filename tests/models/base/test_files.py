@@ -4,11 +4,13 @@ import contextlib
 import gzip
 import os
 import stat
+import threading
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from skyway.models.base import files
 from skyway.models.base.errors import InputError
 from skyway.models.base.fields import finite, read_toml
 from skyway.models.base.files import read_bytes, read_text, write_atomically
@@ -164,3 +166,16 @@ def test_toml_from_any_editor_is_read(tmp_path):
 )
 def test_only_a_finite_number_is_a_number(text, number):
     assert finite(text) == number
+
+
+def test_a_pipe_is_read_to_its_end_and_refused_if_nothing_writes_into_it(tmp_path, monkeypatch):
+    path = tmp_path / "pipe"
+    os.mkfifo(path)
+    monkeypatch.setattr(files, "PIPE_S", 0.2)
+    with pytest.raises(InputError, match=r"pipe: is a pipe into which nothing writes within 0\.2 s; start what writes"):
+        read_bytes(path, max_bytes=LIMIT)
+    monkeypatch.setattr(files, "PIPE_S", 20.0)
+    writer = threading.Thread(target=path.write_bytes, args=(b"KEWR 101751Z 27016KT\n" * 10_000,))
+    writer.start()
+    assert len(read_bytes(path, max_bytes=LIMIT)) == 210_000
+    writer.join()

@@ -149,6 +149,10 @@ def test_winds_far_from_every_site_are_left_out():
     times, (note,) = told(wind("far"))
     assert (times, FAR_M) == ([], 80_000.0)
     assert note == "the wind observed at far is ignored: 211.0 km from every wind site"
+    right = wind()
+    here = right.observation
+    swapped = replace(right, observation=replace(here, lat_deg=here.lon_deg, lon_deg=here.lat_deg))
+    assert told(swapped)[1][0].endswith(" from every wind site; lat and lon look swapped")
 
 
 def test_contradicting_winds_of_a_station_are_refused_and_a_correction_is_followed():

@@ -61,6 +61,7 @@ def test_a_variable_wind_is_as_unsure_as_it_is_strong():
         ("EWR=nan@270", "not a wind speed"),
         ("8@270", "not an observed wind"),
         ("EWR=8", "not an observed wind"),
+        ("EWR", "--observed: not an observed wind (got 'EWR'); write SITE=SPEED@FROM"),
         ("nowhere.txt", "nowhere.txt: no such file"),
         ("EWR=8@" + "2" * 5000, "not a direction"),
         ("E" * 5000, "cannot be read"),
@@ -158,3 +159,13 @@ def test_any_file_is_read_or_refused(tmp_path_factory, content):
     except InputError:
         return
     assert all(math.isfinite(one.observation.north_mps + one.observation.east_mps) for one in found.winds)
+
+
+def test_faults_of_a_table_or_report_have_values_and_remedies_of_that_file(tmp_path):
+    file = tmp_path / "winds.csv"
+    file.write_text("time,site,speed_mps,from_deg\n2013-07-10T17:51Z,EWR,nan,270\n2013-07-10T17:51Z,EWR,8,400\n")
+    assert "speed_mps: not a finite number (got 'nan'); a number, or omit the row" in refused(file)
+    assert "from_deg: direction out of range (got '400'); degrees from 0 to 360, or variable" in refused(file)
+    file = tmp_path / "metars.txt"
+    file.write_text("KEWR 101751Z 270160KT 10SM\n")
+    assert "metars.txt:1: not a wind speed (got '270160KT'); up to 75 m/s" in refused(file)
