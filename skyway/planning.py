@@ -268,6 +268,9 @@ def solve(
         )  # fmt: skip
     seen, notes = ((), ()) if busy is None else (busy.conditions, busy.notes)
     notes = (*notes, *asked)
+    if conditions.truth is not None and not clairvoyant:
+        told = ", ".join(CLAIRVOYANT_PLANNERS)
+        notes += (f"{planner} is not told the actual wind, only planners with perfect information are ({told})",)
     if clairvoyant:  # it is told the wind
         return with_conditions(result, seen, notes)
     return with_conditions(result, (*known.conditions, *seen), (*known.notes, *notes))

@@ -125,7 +125,9 @@ class Evaluation:
             lines.append(f"  {label:<16} {self.counts[name]} of {self.runs:,} ({rate.scaled(100.0).text('.2f')} %)")
         if self.calibration:
             error = self.calibration_error.scaled(100.0).text()
-            lines.append(f"  {'promise off by':<16} {error} points on average")
+            lines.append(
+                f"  {'promise off by':<16} {error} points on average (promised probability of a time, against the share delivered by then)"
+            )
         if self.clairvoyant_runs:
             regret = self.regret.scaled(100.0).text()
             lines.append(f"  {'above best':<16} {regret} % (clairvoyant, {self.clairvoyant_runs} runs)")

@@ -110,7 +110,7 @@ class ConditionOptions(Conditions):
     avoid: Annotated[
         list[str] | None,
         typer.Option(
-            help="Station not to land at, or segment FROM:TO not to fly; repeatable.",
+            help="Station not to land at, or segment FROM:TO not to fly in either direction; repeatable.",
             autocompletion=completion.stations,
         ),
     ] = None

@@ -46,6 +46,7 @@ def test_the_plan_is_that_of_the_python_interface(skyway):
         (["--days", "1"], "--days"),
         (["--runs", "0"], "--runs"),
         (["--to", "nowhere"], "--to"),
+        (["--days", "60"], "(got '60'); hold out fewer days: "),
     ],
 )
 def test_a_wrong_option_is_one_clear_error(skyway, more, told):
@@ -53,3 +54,9 @@ def test_a_wrong_option_is_one_clear_error(skyway, more, told):
     assert done.code == 2
     assert told in done.err
     assert "Traceback" not in done.err
+
+
+def test_the_file_of_a_plan_is_told_from_a_scenario(skyway):
+    done = skyway("evaluate", "plan.json")
+    assert done.code == 2
+    assert "plan.json: is not a scenario; evaluate plans the request itself: --from, --to, --payload" in done.err

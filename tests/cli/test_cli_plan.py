@@ -421,3 +421,9 @@ def test_a_comparison_says_in_plain_words_what_robust_buys(skyway):
 def test_a_start_given_as_a_place_is_not_called_a_target(plan_json):
     plan = plan_json("--from", "40.75,-73.93", "--to", "jacobi", *HOP[4:], *ONE_WIND)
     assert (plan["from"], plan["stations"]["start"]["name"]) == ("start", "start 40.75000,-73.93000")
+
+
+def test_a_planner_that_is_not_told_the_actual_wind_says_so(plan_json):
+    said = "pfs is not told the actual wind, only planners with perfect information are (ies, exact)"
+    assert said in plan_json(*HOP, "--planner", "pfs", "--actual-wind", "2013-07-12")["notes"]
+    assert said not in plan_json(*HOP, "--planner", "pfs")["notes"]

@@ -247,10 +247,21 @@ def compare(
         raise typer.Exit(1)
 
 
+def _no_plan_file(scenario: Path | None) -> Path | None:
+    """Refuse the file of a plan where a scenario is expected, before the options of the request are missed."""
+    if scenario is not None and scenario.suffix == ".json":
+        remedy = "evaluate plans the request itself: --from, --to, --payload and, in a scenario of your own, its folder"
+        raise InputError("is not a scenario", str(scenario), remedy=remedy)
+    return scenario
+
+
 @with_groups
 def evaluate(
     asked: RequestOptions,
-    scenario: options.ScenarioArgument = None,
+    scenario: Annotated[
+        Path | None,
+        typer.Argument(help="Scenario folder. Default: New York, built in.", callback=_no_plan_file),
+    ] = None,
     depart: Depart = None,
     planner: Annotated[
         str, typer.Option(help=f"{', '.join((ROBUST, *FORECAST_PLANNERS))}.", autocompletion=completion.planners)
@@ -272,7 +283,7 @@ def evaluate(
     settings: options.Settings = None,
     as_json: options.AsJson = False,
 ) -> None:
-    """Simulate a plan on days of the wind record that are held out of its forecast.
+    """Plan a request, and simulate the plan on days of the wind record that are held out of its forecast.
 
     Prints delivery times, landings below the reserve and kept promises, each with a 95 % interval over the days. Deliveries are distributed
     over processes, or a Dask cluster; their number does not change the figures.
@@ -301,7 +312,11 @@ def evaluate(
     world, request = asked.request(where.loaded(), where.instant)
     with typed_values.as_typed():
         held_out = season_days(world, request, days, seed=request.seed)
-        forecast = held_out_forecast(world, request, held_out)
+        try:
+            forecast = held_out_forecast(world, request, held_out)
+        except InputError as error:  # with fewer days there is one: `season_days` chose among its days
+            remedy = f"hold out fewer days: {len(held_out)} of them, two days apart, leave none of the season to forecast from"
+            raise InputError(str(error.faults[0].problem), field="--days", value=days, remedy=remedy) from None
         result = plan(world, request, planner=planner, forecast=forecast, parameters=parameters)
         request = replace(request, drone=result.composition.drone)
         realizations = sample_realizations(world, request, held_out, runs=runs, seed=request.seed)
