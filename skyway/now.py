@@ -267,9 +267,12 @@ def _seen_pads(scenario: Scenario, given: str, *, asked: bool) -> tuple[list[See
     try:
         found, notes = snapshot(given, [one.id for one in network.stations if one.pads])
     except LinkError as error:
+        where = "" if given in str(error) else f"{given}: "
+        if asked and where:
+            raise LinkError(f"{where}{error}") from error
         if asked:
             raise
-        return [], [f"no current pads: {error}"]
+        return [], [f"no current pads: {where}{error}"]
     pads = [
         SeenPads(station=one.station, busy=one.busy, pads=one.pads, waiting=one.waiting, remaining_s=one.remaining_s, posix_s=one.posix_s)
         for one in found if one.station in network.index

@@ -68,7 +68,11 @@ def refuse_overwriting(*paths: Path | None, force: bool) -> None:
     faults = []
     for number, path in enumerate(given):
         folder = path.parent
-        if path in given[:number]:
+        if str(path) == "-":
+            faults.append(
+                Fault("is not a file, and standard output is not written to", "-", remedy="name a file, or use --json")
+            )
+        elif path in given[:number]:
             faults.append(Fault("is named for two outputs", str(path), remedy="give each output its own name"))
         elif path.is_dir():
             faults.append(Fault("is a folder", str(path), remedy="name a file"))

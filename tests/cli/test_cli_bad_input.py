@@ -103,6 +103,11 @@ WRONG = {
         "x.gif",
         "--plot: is not a picture format (got 'x.gif'); FILE.png, FILE.svg or FILE.pdf",
     ),
+    "standard output": (
+        "-o",
+        "-",
+        "-: is not a file, and standard output is not written to; name a file, or use --json",
+    ),
     "folder of the output": ("-o", "nowhere/plan.json", "nowhere: no such folder"),
     "start is the end": ("--to", "bellevue", "--to: start and destination are the same"),
     "in a no-fly zone": ("--to", "40.6413,-73.7781", "--to: lies in the no-fly zone John F. Kennedy"),

@@ -242,6 +242,23 @@ def test_pads_are_asked_of_a_service_once(planned):
     assert len(set(asked)) == len(asked) == 46
 
 
+def test_a_service_that_does_not_speak_of_pads_is_named(refused):
+    with socket.create_server(("127.0.0.1", 0)) as listener:
+
+        def serve():
+            peer, _ = listener.accept()
+            with peer:
+                peer.recv(1000)
+                peer.sendall(b"220 mail.example.org\n")
+
+        thread = threading.Thread(target=serve, daemon=True)
+        thread.start()
+        address = f"tcp:127.0.0.1:{listener.getsockname()[1]}"
+        message = refused("plan", *HOP, *QUICK, "--pads", address, code=3)
+        thread.join(5.0)
+    assert f"{address}: not an answer of the pad service" in message
+
+
 def test_a_pad_that_the_service_has_not_is_out_of_order(tmp_path):
     file, now = tmp_path / "pads.jsonl", datetime(2013, 7, 10, 18, tzinfo=UTC)
     file.write_text(
