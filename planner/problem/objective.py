@@ -30,6 +30,7 @@ if TYPE_CHECKING:
 Kind = Literal["mean", "p95", "on-time", "energy", "cost", "sum", "order"]
 EXAMPLE = "mean, p95, energy, cost, 'cost + 12/h*time', 'cost, then mean', or 'on-time 2013-07-10T16:00-04:00'"
 KINDS: tuple[Kind, ...] = ("mean", "p95", "on-time", "energy", "cost", "sum", "order")
+_WORDS: tuple[Kind, ...] = ("mean", "p95", "energy", "cost")
 USUAL_WITHIN = 0.01
 """Of an order: plans within so much of the best count as equally good."""
 MAX_WEIGHT = 1e6
@@ -126,13 +127,15 @@ class Objective:
         kind, _, deadline = text.partition(" ")
         if kind == "on-time" and deadline:
             return cls("on-time", parse_instant(deadline.strip(), field="objective"))
-        for known in ("mean", "p95", "energy", "cost"):
+        for known in _WORDS:
             if text == known:
                 return cls(known)
         terms = [_TERM.fullmatch(term.strip()) for term in text.split("+")]
         found = [term for term in terms if term is not None]
         if len(found) < len(terms):
-            raise InputError(Fault("is not an objective", field="objective", value=whole, remedy=EXAMPLE))
+            lower = text.lower()
+            remedy = f"did you mean {lower}?" if lower in _WORDS else EXAMPLE
+            raise InputError(Fault("is not an objective", field="objective", value=whole, remedy=remedy))
         counted = [term[1] or term[3] or term[5] for term in found]
         if len(set(counted)) < len(counted):
             raise InputError(Fault("counts something twice", field="objective", value=whole, remedy=EXAMPLE))

@@ -58,6 +58,11 @@ WRONG = {
     "wind nan": ("--wind", "nan@270", "--wind: not a wind"),
     "planner": ("--planner", "best", "--planner: no such planner (got 'best'); one of robust, shortest, pfs"),
     "objective": ("--objective", "fast", "--objective: is not an objective (got 'fast'); mean, p95, energy, cost"),
+    "objective in capitals": (
+        "--objective",
+        "Mean",
+        "--objective: is not an objective (got 'Mean'); did you mean mean?",
+    ),
     "deadline without offset": ("--objective", "on-time 2013-07-10T16:00", "--objective: the time has no UTC offset"),
     "window in words": ("--depart-window", "soon", "--depart-window: is not a duration (got 'soon'); such as 90min"),
     "deadline gone": ("--objective", "on-time 2001-07-10T16:00Z", "--objective: the deadline is before the departure"),
