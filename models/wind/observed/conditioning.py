@@ -106,7 +106,7 @@ def _newest(winds: Sequence[ObservedWind]) -> list[ObservedWind]:
         other = chosen.get(one.place)
         if other is not None and one.corrected == other.corrected and _contradict(one, other):
             stamp = iso(from_posix(one.observation.time_s))
-            problem = f"two winds at {stamp} contradict each other: {other.told} ({other.source}) and {one.told} ({one.source})"
+            problem = f"two winds at {stamp} contradict each other: {other.told} ({other.stands}) and {one.told} ({one.stands})"
             faults.append(Fault(problem, field=one.place, remedy="keep the right one"))
         chosen[one.place] = one
     refuse(faults)

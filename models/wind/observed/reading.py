@@ -54,11 +54,18 @@ class ObservedWind:
     """A correction of an earlier report."""
     drone: bool = False
     """Measured by a drone in flight, averaged over a slot."""
+    line: int | None = None
+    """Of the file."""
 
     @property
     def told(self) -> str:
         """The wind for people."""
         return speed_text(self.speed_mps) if self.from_deg is None else wind_text(self.speed_mps, self.from_deg)
+
+    @property
+    def stands(self) -> str:
+        """Where it was given: the file, with the line where that is known, or the typed text."""
+        return self.source if self.line is None else f"{self.source}:{self.line}"
 
 
 @dataclass(frozen=True, slots=True)
@@ -167,7 +174,7 @@ def _from_metars(
             calm = one.speed_mps == 0.0
             degrees = 0.0 if calm else one.from_deg
             seen = _at(site, file, one.time_s, one.speed_mps, degrees, measured_at_m, STATION_ERROR_MPS)
-            found.append(replace(seen, corrected=one.corrected))
+            found.append(replace(seen, corrected=one.corrected, line=one.line))
     faults.raise_if_any()
     if not reports:
         raise InputError("has no report", file, remedy="a METAR a line, such as KEWR 101851Z 22010KT")
@@ -209,7 +216,7 @@ class _Table:
             error = STATION_ERROR_MPS if math.isnan(sigma[row]) else sigma[row]
             known = None if math.isnan(degrees[row]) else float(degrees[row])
             seen = _at(site, str(self.path), float(time_s[row]), float(speed[row]), known, float(at_m), float(error))
-            found.append(replace(seen, drone=not named))
+            found.append(replace(seen, drone=not named, line=line))
         return found
 
     def _optional(self, chunk: Chunk, name: str) -> Sequence[float]:

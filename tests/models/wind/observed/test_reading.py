@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 
 from skyway.models.base.errors import InputError
 from skyway.models.wind.history import WindSite
+from skyway.models.wind.observed.conditioning import counted
 from skyway.models.wind.observed.reading import STATION_ERROR_MPS, read_observed, site_named
 
 SITES = (WindSite("EWR", 40.68, -74.17), WindSite("JFK", 40.64, -73.76), WindSite("roof", 40.7, -74.0, "KNYC"))
@@ -169,3 +170,6 @@ def test_faults_of_a_table_or_report_have_values_and_remedies_of_that_file(tmp_p
     file = tmp_path / "metars.txt"
     file.write_text("KEWR 101751Z 270160KT 10SM\n")
     assert "metars.txt:1: not a wind speed (got '270160KT'); up to 75 m/s" in refused(file)
+    file.write_text("KEWR 101751Z 27016KT 10SM\nKEWR 101751Z 09016KT 10SM\n")
+    with pytest.raises(InputError, match=r"metars\.txt:1\) and 8\.2 m/s from 090° \(\S+metars\.txt:2\)"):
+        counted(read(file).winds, SITES, DEPART)
