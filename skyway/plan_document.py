@@ -19,6 +19,7 @@ from skyway.models.base.formatting import (
     speed_text,
 )
 from skyway.models.base.units import J_PER_WH, iso
+from skyway.models.base.views import counted
 from skyway.models.composition.file import figure_json, to_json
 from skyway.planner.uncertainties import ENERGY, GUSTS, PADS, WIND
 
@@ -162,7 +163,11 @@ def spending_words(composition: Composition) -> list[str]:
             f"95 % within {money(costs.p95.value)}" + (f": {told}" if told else "")
         )
     if lines and composition.way_back is not None and composition.way_back.plan is not None:
-        lines.append("The way back is not counted in these")
+        back = composition.way_back.plan
+        charges = counted(sum(stop.recharge_s > 0.0 for stop in back.stops), "charge")
+        lines.append(
+            f"The way back is not counted in these: typically {energy_text(back.energy_j)} more, with {charges} before its end"
+        )
     return lines
 
 

@@ -1,6 +1,7 @@
 """``scenario``, ``network`` and ``wind``: starting a scenario, finding its faults, seeing what was read."""
 
 import json
+import re
 import shutil
 
 import pytest
@@ -252,3 +253,13 @@ def test_no_route_for_a_drone_that_hardly_any_wind_lets_fly_names_the_wind(chang
 def test_no_route_among_full_stations_names_the_wait_for_their_pads(changed, refused):
     changed("load.csv", "0.300,60", "300,6000")
     assert "the stations are full: of those one flight from west " in refused("plan", "s", *TO_THE_CLINIC, code=1)
+
+
+def test_what_the_way_back_takes_is_told_beside_the_cost_that_does_not_include_it(skyway):
+    assert skyway("scenario", "init", "s").code == 0
+    told = skyway("plan", "s", *TO_THE_CLINIC, "--return", "home", "--objective", "cost").out
+    told = " ".join(told.split())
+    (found,) = re.findall(
+        r"The way back is not counted in these: typically (\d+ Wh) more, with 2 charges before its end", told
+    )
+    assert found in told[told.index("Way back (home)") :]
