@@ -9,7 +9,7 @@ import numpy as np
 
 from skyway.models.airspace.ways import columns
 from skyway.models.base.errors import NoRouteError
-from skyway.models.base.formatting import distance_text, duration, height_text, percent, speed_text
+from skyway.models.base.formatting import distance_text, duration, height_text, percent, probability, speed_text
 from skyway.models.base.geodesy import coarse_distance_m
 from skyway.models.base.units import S_PER_H
 from skyway.models.flight.closures import closing_zones
@@ -287,7 +287,7 @@ def _not_in_turn(problem: Problem, begin: str, usable: NDArray[np.bool_]) -> NoR
     share = _flyable_share(problem, np.arange(problem.air.north.shape[1]), some)
     if share < SELDOM:
         message = (
-            f"{begin} only in {percent(share)} of the forecast hours is the wind within the limit of {drone.id} "
+            f"{begin} only in {probability(share)} of the forecast hours is the wind within the limit of {drone.id} "
             f"({drone.wind_limit_mps:g} m/s) and weak enough for an airspeed of {problem.air.airspeed_mps:g} m/s: too few for the "
             "flights and charges of a route"
         )
