@@ -147,7 +147,9 @@ class _Run:
         """What is known at a stay at a time."""
         realizations, network = self.realizations, self.problem.network
         day, slot = realizations.day[self.number], realizations.wind.slot_at(time_s)
-        wind = realizations.wind.north[day, slot], realizations.wind.east[day, slot]
+        north, east = realizations.wind.north[day], realizations.wind.east[day]
+        first = realizations.wind.slot_at(self.problem.depart_s)
+        hours = tuple((north[one], east[one]) for one in range(slot - 1, first - 1, -1))
         nodes = np.flatnonzero(network.pads > 0).tolist()
         paths = self._queues(nodes)
         busy = {network.stations[node].id: paths[node].present_at(time_s) for node in nodes}
@@ -161,7 +163,17 @@ class _Run:
         ratios = tuple(self._energy_ratio(leg) for leg in range(stop_label.legs))
         under_way = self._energy_ratio(stop_label.legs) if stop_label.legs < len(stop_label.visited) else None
         return Standing(
-            stop_label.node, stop_label.station, time_s, soc, stop_label.visited, wind, busy, ratios, under_way, behind
+            stop_label.node,
+            stop_label.station,
+            time_s,
+            soc,
+            stop_label.visited,
+            (north[slot], east[slot]),
+            busy,
+            ratios,
+            under_way,
+            behind,
+            hours,
         )
 
     def _take_off(

@@ -45,6 +45,8 @@ class Standing:
     """The same of the leg so far that it flies."""
     behind: int = 0
     """Others that came where it stands after it."""
+    before: tuple[tuple[NDArray[np.float64], NDArray[np.float64]], ...] = ()
+    """The same as `wind` in the hours before this one since the departure, the last one first."""
 
     def state(self) -> State:
         """The same as the state that a request starts from."""

@@ -225,9 +225,9 @@ class DepartureGate:
         return self._info.time_s + (p.charge_time_s(p.origin, self._info.soc, step.charge) if charges else 0.0)
 
     def _hopeless(self, names: tuple[str, ...], at_s: float, soc: float) -> bool:
-        """Whether a whole leg most probably breaks the reserve."""
+        """Whether a whole leg most probably breaks the reserve, also with `SOC_SD` more: the wind along it is taken otherwise than in the futures."""
         way, reach = self._way(names, at_s)
-        return self._p_below_reserve(reach, way, at_s, soc) > self._policy.parameters.p_hopeless
+        return self._p_below_reserve(reach, way, at_s, soc + SOC_SD) > self._policy.parameters.p_hopeless
 
     def _p_below_reserve(self, reach: Reach, way: list[Place], at_s: float, soc: float) -> float:
         flown = reach.to_the_end(way, at_s, climbs=True)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -18,15 +19,26 @@ if TYPE_CHECKING:
     from skyway.planner.online.information import Departure
     from skyway.planner.problem.problem import Problem
 
+EXACT = 1e-6
+"""Variance of a component of a wind that is known, m2/s2: enough to tell members apart."""
 
-def with_measured(forecast: WindEnsemble, standing: Standing, variance: float) -> WindEnsemble:
-    """Bring a forecast up to date with the wind measured at its sites now, at the height of measurement; `variance` of a component, m2/s2."""
-    north, east = standing.wind
+
+def with_measured(forecast: WindEnsemble, standing: Standing, variance: float = EXACT) -> WindEnsemble:
+    """Bring a forecast up to date with the wind of this hour and of those before it, at the sites and at the height of measurement.
+
+    `variance` is that of a component, m2/s2. A wind counts as measured in the middle of its hour: it is the same all through it, and that of the
+    next one is an hour away.
+    """
+    slot_s = forecast.slot_s
+    middle_s = forecast.start_s + (math.floor((standing.time_s - forecast.start_s) / slot_s) + 0.5) * slot_s
     seen = [
-        WindObservation(standing.time_s, lat, lon, float(n), float(e), variance)
-        for lat, lon, n, e in zip(forecast.site_lat.tolist(), forecast.site_lon.tolist(), north, east, strict=True)
+        WindObservation(middle_s - hours * slot_s, lat, lon, north, east, variance)
+        for hours, wind in enumerate((standing.wind, *standing.before))
+        for lat, lon, north, east in zip(
+            forecast.site_lat.tolist(), forecast.site_lon.tolist(), *(one.tolist() for one in wind), strict=True
+        )
     ]
-    return update_forecast(forecast, seen, slot_s=forecast.slot_s)
+    return update_forecast(forecast, seen, slot_s=slot_s)
 
 
 @dataclass(frozen=True)
@@ -37,6 +49,8 @@ class RollingRobust:
     """As at the departure, with a forecast that does not hold the realizations."""
     errors: Errors = USUAL_ERRORS
     """What the truth has beyond the forecast."""
+    wind_variance: float = EXACT
+    """Of a component of the wind that it is told, m2/s2: realizations tell the wind at the sites as it is."""
 
     @cached_property
     def policy(self) -> OnlinePolicy:
@@ -58,7 +72,7 @@ class RollingRobust:
 
     def information(self, standing: Standing) -> Information:
         """Information available at a stop, or over a station."""
-        belief, p = self.errors.energy_of(self.start.drone), self.start.parameters
+        belief = self.errors.energy_of(self.start.drone)
         for ratio in standing.energy_ratios:
             belief = belief.learnt(ratio, 1.0, 0.0)
         if standing.under_way is not None:
@@ -66,7 +80,7 @@ class RollingRobust:
         return Information(
             time_s=standing.time_s,
             soc=standing.soc,
-            forecast=with_measured(self.start.ensemble, standing, p.online.site_variance),
+            forecast=with_measured(self.start.ensemble, standing, self.wind_variance),
             belief=belief,
             measured=True,
             watched=False,

@@ -38,6 +38,8 @@ if TYPE_CHECKING:
 
 ALIKE = 0.01
 """Charges closer than this are one."""
+ROUNDING = 1e-4
+"""Charge that is just enough for a flight must be so to the last digit, in winds that differ by as much."""
 MIN_SOC = 0.01
 """Whoever lands counts with this charge at least."""
 
@@ -202,7 +204,7 @@ class Hindsight(Following):
                 kept = turning.kept_soc(whole)
                 wanted += turning.charges(whole)
             wanted += self._takes(segments, kept) if self._watched else [self.need(segments, p.depart_s)]
-            levels = np.clip(sorted(wanted), max(least, p.soc), full)
+            levels = np.clip(np.sort(wanted) + ROUNDING, max(least, p.soc), full)
             before = -1.0
             for level in levels.tolist():
                 if level - before > ALIKE:

@@ -217,9 +217,3 @@ class OnlineParameters(Parameters):
         10**5,
         unit="m",
     )
-
-    # In evaluations
-
-    site_variance: float = parameter(
-        0.05, "of a component of the hourly wind that an evaluation measures at a site", 0, 100, unit="m2/s2"
-    )

@@ -155,12 +155,16 @@ class TurningRobust(Robust):
         return self.kept.in_air.turns(seen, (seen.origin,))
 
 
+REPORTED = 0.05
+"""Variance of a component of reported winds, as `Online` takes them, m2/s2."""
+
+
 class Online(Policy):
     """The product's online policy as its own evaluation flies it (`planner.online.evaluated`): nothing is decided between stations."""
 
     def __init__(self, planned: Planned) -> None:
         self.start = planned.problem()
-        self.policy = RollingRobust(self.start)
+        self.policy = RollingRobust(self.start, wind_variance=REPORTED)
         known = known_at(self.start, USUAL_ERRORS, measured=True, epsilon=0.25 * self.start.epsilon)
         self.needs = Needs(self.start, known)
 
