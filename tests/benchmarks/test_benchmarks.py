@@ -181,7 +181,7 @@ def test_a_long_measurement_goes_on_where_it_was_broken_off(tmp_path, monkeypatc
     assert [row["number"] for row in bench_rolling.read(tmp_path / "rows.jsonl")] == [0, 2]
     assert len(told) == 2
     above = bench_rolling.figures_of(bench_rolling.read(tmp_path / "rows.jsonl"))[0]
-    assert above.target == 4.0
+    assert above.target == bench_rolling.ABOVE_BEST
     assert above.value > -1.0
 
 
@@ -194,7 +194,9 @@ def test_the_rolling_horizon_is_measured_alone_and_without_gusts_if_so_asked(tmp
     assert set(row) == {"number", "day", bench_rolling.BEST, "robust, rolling horizon"}
     (best,), (ours,) = (row[name]["delivery_s"] for name in (bench_rolling.BEST, "robust, rolling horizon"))
     assert ours >= best * (1.0 - 1e-6)  # in gusts from behind it may be earlier
-    assert "above exact" in capsys.readouterr().out
+    said = capsys.readouterr().out
+    assert "above exact" in said
+    assert f"target {bench_rolling.ABOVE_BEST_IN_CALM:g} %" in said
 
 
 def test_a_reserve_for_gusts_makes_the_clairvoyant_no_faster(long_instance):
