@@ -21,19 +21,22 @@ if TYPE_CHECKING:
 
 EXACT = 1e-6
 """Variance of a component of a wind that is known, m2/s2: enough to tell members apart."""
+MOST_SEEN = 150
+"""Winds that count at once, at most: their covariances are inverted at each decision."""
 
 
 def with_measured(forecast: WindEnsemble, standing: Standing, variance: float = EXACT) -> WindEnsemble:
     """Bring a forecast up to date with the wind of this hour and of those before it, at the sites and at the height of measurement.
 
     `variance` is that of a component, m2/s2. A wind counts as measured in the middle of its hour: it is the same all through it, and that of the
-    next one is an hour away.
+    next one is an hour away. Of many sites fewer of the hours before count.
     """
+    winds = (standing.wind, *standing.before)[: max(MOST_SEEN // len(forecast.site_lat), 1)]
     slot_s = forecast.slot_s
     middle_s = forecast.start_s + (math.floor((standing.time_s - forecast.start_s) / slot_s) + 0.5) * slot_s
     seen = [
         WindObservation(middle_s - hours * slot_s, lat, lon, north, east, variance)
-        for hours, wind in enumerate((standing.wind, *standing.before))
+        for hours, wind in enumerate(winds)
         for lat, lon, north, east in zip(
             forecast.site_lat.tolist(), forecast.site_lon.tolist(), *(one.tolist() for one in wind), strict=True
         )

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from skyway.models.composition.composition import State
 from skyway.planner.evaluation.evaluate import NO_ERRORS, clairvoyant_times, fly_policy, sample_realizations
 from skyway.planner.evaluation.policies import Standing
-from skyway.planner.online.evaluated import RollingRobust, with_measured
+from skyway.planner.online.evaluated import MOST_SEEN, RollingRobust, with_measured
 from skyway.planner.problem.problem import Problem
 from skyway.planner.problem.request import Request
 
@@ -58,6 +58,23 @@ def test_a_day_that_went_the_same_way_so_far_is_the_more_probable_one(forecast):
     np.testing.assert_allclose(now_alone.probability, 0.5)
     told = with_measured(two, standing(two, time_s, winds))
     assert told.probability[alike] > 0.9
+
+
+def test_of_many_sites_only_the_last_hours_count(forecast):
+    sites = MOST_SEEN // 2 + 1
+    grown = np.linspace(0.0, 0.5, sites)
+    many = replace(
+        forecast,
+        site_lat=forecast.site_lat[0] + grown,
+        site_lon=forecast.site_lon[0] + grown,
+        north=np.repeat(forecast.north[:, :, :1], sites, axis=2),
+        east=np.repeat(forecast.east[:, :, :1], sites, axis=2),
+    )
+    time_s = many.start_s + 2.5 * many.slot_s
+    winds = [([speed] * sites, [speed] * sites) for speed in (3.0, -5.0, 7.0)]
+    with_all, with_last = (with_measured(many, standing(many, time_s, told)) for told in (winds, winds[:1]))
+    np.testing.assert_array_equal(with_all.north, with_last.north)
+    np.testing.assert_array_equal(with_all.probability, with_last.probability)
 
 
 def test_who_knows_the_wind_loses_next_to_nothing(newyork):
