@@ -67,9 +67,7 @@ def scenario_of(
     for name in (composition.origin, composition.destination):
         if name not in scenario.network.index:
             place = composition.stations[name]
-            network = scenario.network.with_target(place.lat, place.lon, id=name)
-            more = len(network) - len(scenario.network)
-            scenario = replace(scenario, network=network, load=scenario.load.extended(more))
+            scenario = scenario.with_target(place.lat, place.lon, id=name)
     return scenario
 
 

@@ -51,10 +51,11 @@ def read_bytes(path: Path, *, max_bytes: int) -> bytes:
     """
     try:
         if path.is_fifo():
-            return _checked(path, _pipe_bytes(path, max_bytes), max_bytes)
-        opener = gzip.open if path.suffix == ".gz" else open
-        with opener(path, "rb") as stream:
-            data = stream.read(max_bytes + 1)
+            data = _pipe_bytes(path, max_bytes)
+        else:
+            opener = gzip.open if path.suffix == ".gz" else open
+            with opener(path, "rb") as stream:
+                data = stream.read(max_bytes + 1)
     except FileNotFoundError:
         raise InputError("no such file", str(path)) from None
     except IsADirectoryError:
@@ -63,11 +64,6 @@ def read_bytes(path: Path, *, max_bytes: int) -> bytes:
         raise
     except (OSError, EOFError, zlib.error, ValueError) as error:
         raise file_error("read", path, error) from error
-    return _checked(path, data, max_bytes)
-
-
-def _checked(path: Path, data: bytes, max_bytes: int) -> bytes:
-    """Return what was read; an `InputError` if it is too much."""
     if len(data) > max_bytes:
         remedy = "cut it to the part that is needed"
         raise InputError(f"is larger than {max_bytes / 1e6:.0f} MB", str(path), remedy=remedy)
