@@ -107,7 +107,7 @@ class Supervisor:
         if before_s > CLOCK_SLACK_S:
             self.context.tell(
                 f"the clock is {duration(before_s)} before the end of the journal, so its times go back, and durations in its report will be wrong: "
-                "is it the same vehicle, or was a simulation started anew?"
+                "is it the same vehicle, or was a simulation started again?"
             )
 
     @staticmethod
