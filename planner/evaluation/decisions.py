@@ -201,8 +201,9 @@ class _Run:
             way = policy.leave(self._standing(stop_label, now, soc))
             if way is None:
                 return None
-            until = min(wind.start_s + (wind.slot_at(now) + 1) * wind.slot_s, max(way.look_s, now + _AGAIN_S))
-            until = max(until, now + problem.parameters.evaluation.patience * (now - stop_label.landed_s))
+            again_s = now + max(problem.parameters.evaluation.patience * (now - stop_label.landed_s), _AGAIN_S)
+            new_wind = max(wind.slot_at(now) + 1, int((again_s - wind.start_s) // wind.slot_s))
+            until = min(wind.start_s + new_wind * wind.slot_s, max(way.look_s, again_s))
             segments = np.array(way.segments, dtype=np.int64)
             at = now
             while at < until:

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from skyway.models.base import geodesy
+from skyway.models.base.units import S_PER_H
 from skyway.models.flight.kernels import NEVER, slot_end, slot_of
 from skyway.models.queues.paths import no_queue
 from skyway.planner.exact.exact import ExactSearch
@@ -187,7 +188,7 @@ class Following:
         there_s = self._there(step, future, off)
         if there_s is not None:
             return there_s
-        return self._back(step, future, off) if self._watched else self.problem.depart_s + self.parameters.stuck_s
+        return self._back(step, future, off) if self._watched else self._stuck_s
 
     def _there(self, step: Step, future: Future, off: float) -> float | None:
         """Arrival in a future after a flight that lands at its end or a station on its way; None where it can do neither."""
@@ -220,8 +221,10 @@ class Following:
         """Arrival in a future after a flight that is turned to where it began."""
         p = self.problem
         off, down = flight_in(future, step.segments[: step.sure or 1], off, self.parameters.hold_slots)
-        if p.in_flight or down >= NEVER:
+        if p.in_flight:
             return p.depart_s + self.parameters.stuck_s
+        if down >= NEVER:
+            return self._stuck_s
         spent = self.parameters.turned_share * max(step.charge - p.reserve, 0.0)
         back_s = off + spent / (future.energy * p.soc_per_s)
         return self._arrival(future, p.origin, back_s, step.charge - spent) + self.parameters.stop_s
@@ -232,6 +235,11 @@ class Following:
         way, rest = step.segments[: step.last], step.segments[step.last :]
         as_off = future.lands_s(way, off_s) - p.air.climb_s - p.air.descent_s
         return soc >= p.reserve + self._margin(rest, as_off) * future.energy * self._taken(down_s - as_off)
+
+    @property
+    def _stuck_s(self) -> float:
+        """What counts as the arrival in a future without a way on: later than any with one, which end soon after its last change of the wind."""
+        return self.problem.depart_s + self.parameters.hours * S_PER_H + self.parameters.stuck_s
 
     @cached_property
     def new_wind_s(self) -> float:
@@ -253,7 +261,7 @@ class Following:
             return self._arrival(future, p.origin, p.depart_s + landing, soc)
         until = self.new_wind_s
         if until == NEVER:
-            return p.depart_s + self.parameters.stuck_s
+            return self._stuck_s
         if future not in self._stays:
             queue = future.queues[p.origin]
             pad = float(queue.pad_time(p.depart_s)) if p.has_pads(p.origin) else math.inf
@@ -289,6 +297,6 @@ class Following:
             else math.inf
         )
         if math.isinf(found_s):
-            return self.problem.depart_s + self.parameters.stuck_s
+            return self._stuck_s
         self.arrives = True
         return found_s

@@ -8,6 +8,7 @@ from skyway.models.base.parameters import Parameters, parameter
 
 _FAULTS = "deliveries through faults (`benchmarks.link.supervision`, decision 72)"
 _ROLLING = "30 instead of 10 futures gained nothing in 500 deliveries (`benchmarks.online.bench_rolling`)"
+_STORMS = "storms of more than 12 h (`benchmarks.online.bench_rolling`, decision 135)"
 _UPDATED = (
     "60 hours of the record above 9.5 m/s: CRPS 1 and 2 h after a measurement 1.07 and 1.45 m/s, with 8 members an hour after it and 6 h "
     "1.15 and 1.53 (decision 82)"
@@ -110,8 +111,8 @@ class OnlineParameters(Parameters):
         measured="1,000 stations on 60 km, 92 decisions: the best was the first in 88, the second in 3, the third in 1 (decision 99)",
     )  # fmt: skip
     hours: float = parameter(
-        12.0, "horizon of the wind of a future; after it the last hour continues", 1, 168, unit="h"
-    )
+        24.0, "horizon of the wind of a future; after it the last hour continues", 1, 168, unit="h", measured=_STORMS,
+    )  # fmt: skip
     careful_sigmas: float = parameter(
         1.0,
         "later flights assume a mean gust against them of this many standard deviations, since they will be charged for it",
@@ -137,7 +138,10 @@ class OnlineParameters(Parameters):
         (0.5, 0.7, 0.8, 0.9, 1.0), "the same for the charges that a supervised flight needs in the futures", 0, 1
     )
     told_soc: float = parameter(0.01, "rounding error of a charge reported in whole percent", 0, 1)
-    stuck_s: float = parameter(21_600.0, "penalty of a future in which a step has no onward route", 0, 10**6, unit="s")
+    stuck_s: float = parameter(
+        21_600.0, "a future in which a step has no onward route delivers this long after the horizon of its wind, a flight that fails in the air this much later", 0, 10**6, unit="s",
+        measured=_STORMS,
+    )  # fmt: skip
     stop_s: float = parameter(60.0, "penalty of an additional stop", 0, 86_400, unit="s")
     min_gain_s: float = parameter(
         120.0, "minimum gain of landing or staying, since a future has more information than a real flight",

@@ -1,5 +1,6 @@
 """The online policy in evaluations: what it is told, and that it is as good as perfect information where it has that."""
 
+import math
 from dataclasses import replace
 from datetime import date
 
@@ -13,6 +14,7 @@ from skyway.models.composition.composition import State
 from skyway.planner.evaluation.evaluate import NO_ERRORS, clairvoyant_times, fly_policy, sample_realizations
 from skyway.planner.evaluation.policies import Standing
 from skyway.planner.online.evaluated import MOST_SEEN, RollingRobust, with_measured
+from skyway.planner.online.information import Departure
 from skyway.planner.problem.problem import Problem
 from skyway.planner.problem.request import Request
 
@@ -75,6 +77,25 @@ def test_of_many_sites_only_the_last_hours_count(forecast):
     with_all, with_last = (with_measured(many, standing(many, time_s, told)) for told in (winds, winds[:1]))
     np.testing.assert_array_equal(with_all.north, with_last.north)
     np.testing.assert_array_equal(with_all.probability, with_last.probability)
+
+
+def test_who_waits_is_asked_at_each_new_wind_however_long_it_waits(newyork):
+    asked_s = []
+
+    class Waiting:
+        def leave(self, standing):
+            asked_s.append(standing.time_s)
+            return Departure((), 1.0, lambda _: math.inf)
+
+        def over(self, flying, rest):
+            raise AssertionError
+
+    request = Request(state=State(DEPART, "bellevue"), destination="jacobi", payload_kg=0.8, drone="m200")
+    realizations = sample_realizations(newyork, request, [DAY], runs=1, errors=NO_ERRORS, seed=5)
+    fly_policy(realizations, "m200", Waiting(), np.arange(1))
+    winds_s = np.arange(asked_s[0], asked_s[-1] + 1.0, realizations.wind.slot_s)
+    assert len(winds_s) > 30
+    assert set(winds_s) <= set(asked_s)
 
 
 def test_who_knows_the_wind_loses_next_to_nothing(newyork):

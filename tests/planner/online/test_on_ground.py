@@ -22,7 +22,7 @@ from skyway.planner.parameters.online import OnlineParameters
 from skyway.planner.parameters.planner import PlannerParameters
 from skyway.planner.plan import plan
 from skyway.planner.problem.error_model import USUAL_ERRORS
-from skyway.planner.problem.problem import Problem
+from skyway.planner.problem.problem import HORIZON_H, Problem
 from skyway.planner.problem.request import Request
 
 
@@ -97,6 +97,16 @@ def test_a_drone_held_by_the_wind_charges_meanwhile(policy, composition):
 def test_a_drone_waits_for_wind_that_falls_in_nine_hours(policy, composition):
     decision = policy.on_ground(standing(calming(9), soc=1.0, plan=composition))
     assert decision.action == "wait"
+
+
+def test_the_longer_a_storm_the_later_the_arrival_that_is_expected(policy):
+    """Also beyond the hours that are looked at: else a drone would rather be stuck than wait."""
+    start_s = DEPART.timestamp()
+    hours = (2, 10, 20, HORIZON_H)
+    arrivals = [policy.hindsight(standing(calming(lasts))).arrival_s("montefiore", start_s, 1.0) for lasts in hours]
+    assert arrivals == sorted(set(arrivals))
+    for lasts, arrival_s in zip(hours[:-1], arrivals, strict=False):
+        assert 0.0 <= arrival_s - (start_s + lasts * 3600.0) < 2.5 * 3600.0
 
 
 @pytest.mark.parametrize("share", [0.4, 0.55, 0.8, 0.95])
