@@ -118,8 +118,9 @@ def _search(
     # Least and greatest time from take-off to over each node; least and greatest time over each open segment.
     took, longest = np.full(nodes, NEVER), np.full(nodes, NEVER)
     took[source] = longest[source] = table.climb_s
-    least_s, most_s = _least_and_most(table, s0, s1)
-    worth = useful & _in_reach(table, source, least_s, limit_s, asked)
+    times_s = np.empty((2, len(table.head)))
+    least_s, most_s = times_s[0], times_s[1]
+    worth = _in_reach(table, source, slots, limit_s, useful, asked, times_s)
     # Nodes whose function has changed; the one that is reached first comes first, so that most are settled at once.
     queued = np.zeros(nodes, dtype=np.bool_)
     queued[source] = True
@@ -166,30 +167,36 @@ def _search(
 
 
 @compiled
-def _least_and_most(table: FlightTable, s0: int, s1: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Least and greatest time over each segment at the speeds of some slots; never where one of them closes it."""
-    least_s, most_s = np.empty(len(table.head)), np.empty(len(table.head))
-    for segment in range(len(table.head)):
+def _least_and_most(table: FlightTable, node: int, slots: tuple[int, int], times_s: NDArray[np.float64]) -> None:
+    """Set least and greatest time over each segment that leaves a node at the speeds of some slots; never where one of them closes it."""
+    for segment in range(table.first[node], table.first[node + 1]):
         slowest, fastest = NEVER, 0.0
-        for slot in range(s0, s1 + 1):
+        for slot in range(slots[0], slots[1] + 1):
             speed = table.speed_mps[slot, segment]
             slowest, fastest = min(slowest, speed), max(fastest, speed)
-        least_s[segment] = table.distance_m[segment] / fastest - EPS_S if slowest > 0.0 else NEVER
-        most_s[segment] = table.distance_m[segment] / slowest if slowest > 0.0 else NEVER
-    return least_s, most_s
+        times_s[0, segment] = table.distance_m[segment] / fastest - EPS_S if slowest > 0.0 else NEVER
+        times_s[1, segment] = table.distance_m[segment] / slowest if slowest > 0.0 else NEVER
 
 
 @compiled
 def _in_reach(
-    table: FlightTable, source: int, least_s: NDArray[np.float64], limit_s: float, asked: Asked
+    table: FlightTable,
+    source: int,
+    slots: tuple[int, int],
+    limit_s: float,
+    useful: NDArray[np.bool_],
+    asked: Asked,
+    times_s: NDArray[np.float64],
 ) -> NDArray[np.bool_]:
-    """Which nodes can be flown over within a time at the least time over each segment, with the charge that is asked for.
+    """Which useful nodes can be flown over within a time at the least time over each segment, over such nodes, with the charge that is asked for.
 
-    Dijkstra's algorithm.
+    Dijkstra's algorithm. `times_s` is set for the segments that leave the source and these nodes.
     """
-    found = np.ones(len(table.first) - 1, dtype=np.bool_)
+    found = np.zeros(len(table.first) - 1, dtype=np.bool_)
     if asked.cells.length == 0:
-        return found
+        for node in range(len(found)):
+            _least_and_most(table, node, slots, times_s)
+        return useful
     over = np.full(len(found), NEVER)
     over[source] = table.climb_s
     heap = [(table.climb_s, source)]
@@ -197,16 +204,16 @@ def _in_reach(
         took_s, node = heapq.heappop(heap)
         if took_s > over[node]:
             continue
+        between_s = asked.begin_s + took_s, asked.end_s + limit_s
+        found[node] = useful[node] and _may_serve(asked, node, table.climb_s, took_s, between_s)
+        if not found[node] and node != source:
+            continue
+        _least_and_most(table, node, slots, times_s)
         for segment in range(table.first[node], table.first[node + 1]):
-            other, there = table.head[segment], took_s + least_s[segment]
-            if there < over[other] and there + table.descent_s <= limit_s:
+            other, there = table.head[segment], took_s + times_s[0, segment]
+            if useful[other] and there < over[other] and there + table.descent_s <= limit_s:
                 over[other] = there
                 heapq.heappush(heap, (there, other))
-    for node in range(len(found)):
-        took_s = over[node]
-        found[node] = took_s < NEVER and _may_serve(
-            asked, node, table.climb_s, took_s, (asked.begin_s + took_s, asked.end_s + limit_s)
-        )
     return found
 
 

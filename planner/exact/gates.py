@@ -85,7 +85,7 @@ class Gate:
         begin_s[-1] = self.time_s if len(begin_s) == 1 else min(begin_s[-1], self.time_s)
         return StopLabel(node, on_pad, _steps(begin_s, most[first:]), (curve_s, curve_soc))
 
-    def only_over(self, nodes: NDArray[np.int64], shape: tuple[int, int]) -> NDArray[np.bool_]:
+    def only_over(self, nodes: NDArray[np.bool_], shape: tuple[int, int]) -> NDArray[np.bool_]:
         """Return a mask, shape (cells, nodes), that leaves only some nodes to be flown over after the gate."""
         mask = np.ones(shape, dtype=bool)
         mask[self.cell + 1 :] = False
