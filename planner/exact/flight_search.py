@@ -105,8 +105,7 @@ def _search(
     """
     s0, s1 = slots
     nodes = len(table.first) - 1
-    t = np.empty((nodes, _POINTS))
-    a = np.empty((nodes, _POINTS))
+    t, a = np.empty((nodes, _POINTS)), np.empty((nodes, _POINTS))
     n = np.zeros(nodes, dtype=np.int64)
     # The source: over it a climb after each take-off of the slot that is asked for.
     begin, end = max(_slot_begin(table, s0), asked.begin_s), min(table.start_s + (s0 + 1) * table.slot_s, asked.end_s)

@@ -249,6 +249,7 @@ class GuidedSearch:
                     hard = one.is_hard
                     if one.has_ended and not hard:
                         return
+                    made -= one.labels_made
                 if hard and self._ends_finer(narrow[0], narrow[1], needed, until):
                     return
             if until >= min(deadline_s, self._better_s) or self._given_up:

@@ -23,7 +23,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from skyway.planner.exact.relaxation_backward_kernels import backward_pass
-from skyway.planner.exact.relaxation_grid_kernels import Cells, Waits, least_times
+from skyway.planner.exact.relaxation_grid_kernels import TIE_S, Cells, Waits, least_times
 from skyway.planner.exact.relaxation_kernels import Pass, forward_pass, in_time, needed_where
 from skyway.planner.exact.subnetwork import narrowed
 
@@ -169,13 +169,13 @@ def run_forward(
     table = subnetwork.table
     mask, ratio = allowed if allowed is not None else (np.empty((0, 0), dtype=np.bool_), 1)
     least_s = least_times(table, subnetwork.destination)
-    over, leave, found, last = forward_pass(
+    over, leave, over_goal_s, last = forward_pass(
         _pass(subnetwork, costs, cells, needed_in(cells, table.descent_s, needed, deadline_s), mask, ratio),
         (subnetwork.origin, start.soc, start.time_s, start.pad_s, start.at_once),
         (least_s, deadline_s),
         after,
     )
-    arrive = cells.over_s + found * cells.step_s + table.descent_s if found < cells.length else math.inf
+    arrive = over_goal_s - TIE_S + table.descent_s
     kept = cells._replace(length=last + 1)
     # Copies, so that the work of the pass is let go.
     return Forward(kept, over[: last + 1].copy(), leave[: last + 1].copy(), arrive, least_s)

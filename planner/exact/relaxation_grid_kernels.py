@@ -26,6 +26,9 @@ if TYPE_CHECKING:
 LOOSE = 1e-9
 """Charges and potentials are compared this generously, so that rounding never cuts off what is exact."""
 
+TIE_S = 1e-4
+"""Times are compared this generously: sums of POSIX seconds are rounded by some 1e-6 s."""
+
 _TIE = 1e-8
 """Who ends this close to the border of two cells may be in either: POSIX seconds are rounded by some 1e-7 s."""
 

@@ -12,6 +12,11 @@ E_i(v) over node v:
     landed:      E_i(v) - c (hover + descent), in the cell in which there is a place to land
     onto:        F^-1(that charge) - pad time, in the cell in which there is a pad
 
+The bests of a cell are those of different drones, and each flight and each stay would gain up to a cell by that. So two more numbers go
+along, which nothing rounds: e_i(v), when a drone can be over the node at the soonest in the cell, and P_i(v), the most that E / r - t can be
+there, with t the time and r the greatest rate of any pad: no charging increases that, and a flight of T seconds decreases it by T (1 + c / r).
+On a pad nobody has a potential of more than F^-1(E) - e, nor of more than F^-1(E) - E / r + P. Flights end no sooner than e + T.
+
 `forward_pass` solves this in the order of i. `backward_pass` solves the mirror image, with least charges in place of
 most.
 
@@ -28,9 +33,10 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from skyway.models.flight.kernels import NEVER
-from skyway.models.jit.compiled import compiled
+from skyway.models.jit.compiled import compiled, compiled_lean
 from skyway.planner.exact.relaxation_grid_kernels import (
     LOOSE,
+    TIE_S,
     Cells,
     Waits,
     cell_of,
@@ -74,15 +80,44 @@ class Pass(NamedTuple):
     """Cells in a coarse cell."""
 
 
+class Reached(NamedTuple):
+    """What can be had over nodes, in cells by nodes one behind the other: the best of each, of different drones perhaps."""
+
+    charge: NDArray[np.float64]
+    rest: NDArray[np.float64]
+    """Most charge, and that for reserve and margin alone."""
+    potential: NDArray[np.float64]
+    """Most charge in seconds of the greatest rate, less the time."""
+    early_s: NDArray[np.float64]
+    """When a drone can be there at the soonest, POSIX seconds."""
+
+
+@compiled_lean
+def _reach(
+    reached: Reached, place: int, charge: float, rest: float, potential: float, time_s: float, margin: bool
+) -> bool:
+    """Take note of what is had at a place; tells whether that is better in anything."""
+    better: bool = (
+        charge > reached.charge[place] or potential > reached.potential[place] or time_s < reached.early_s[place]
+    )
+    reached.charge[place] = max(charge, reached.charge[place])
+    reached.potential[place] = max(potential, reached.potential[place])
+    reached.early_s[place] = min(time_s, reached.early_s[place])
+    if margin:
+        better |= rest > reached.rest[place]
+        reached.rest[place] = max(rest, reached.rest[place])
+    return better
+
+
 @compiled
 def forward_pass(  # noqa: PLR0915  one loop: taking it apart costs more than the work that is done in it
     one: Pass, origin: tuple[int, float, float, float, bool], remaining: tuple[NDArray[np.float64], float], after: float
-) -> tuple[NDArray[np.float64], NDArray[np.float64], int, int]:
+) -> tuple[NDArray[np.float64], NDArray[np.float64], float, int]:
     """Most charge that a drone can have over each node, and leave it with, in each cell: see this module.
 
-    A drone over a node with charge E at x is dropped when it cannot be at the destination by the deadline D even at the
-    best: with L the least time of flight left and r the greatest rate of charging, it arrives no earlier than x + L,
-    nor than reserve / r + L (1 + c / r) - (E / r - x) (see `planner.exact.stop_label_kernels.stop_label_bound`).
+    A drone over a node is dropped when it cannot be at the destination by the deadline D even at the
+    best: with L the least time of flight left and r the greatest rate of charging, it arrives no earlier than e + L,
+    nor than reserve / r + L (1 + c / r) - P (see `planner.exact.stop_label_kernels.stop_label_bound`).
 
     Within a cell, nodes are looked at again as long as a segment that is flown within the cell (one of `inner`) brings
     more charge (`stale`, `again`); then all segments are flown once. O(cells x segments) apart from these.
@@ -105,20 +140,26 @@ def forward_pass(  # noqa: PLR0915  one loop: taking it apart costs more than th
     -------
     over, leave : ndarray, shape (cells, nodes)
         E and leave; -inf where there is no way.
-    first, last : int
-        Cell of the first touch-down at the destination (beyond all cells: none) and the last one filled.
+    over_goal_s : float
+        When a drone is over the destination at the soonest with what it needs there; never if it is not.
+    last : int
+        The last cell filled.
     """
     table, grounds, costs, cells = one.table, one.grounds, one.costs, one.cells
     waits, has_pads = one.waits, one.has_pads
     allowed, goal, ratio = one.allowed, one.goal, one.ratio
     nodes = len(table.first) - 1
     margin = costs.margin_soc_per_s > 0.0  # without one the second value of each node is the first
-    rows = np.full((7 if margin else 5, cells.length, nodes), _NONE)
+    rows = np.full((9 if margin else 7, cells.length, nodes), _NONE)
     over, leave, landed, onto = rows[0], rows[1], rows[2], rows[3]
     # Over a node by flights that may end in a cell or in the one after it; those and `over` for reserve and margin alone.
     soon = rows[4]
-    rest, soon_rest = (rows[5], rows[6]) if margin else (over, soon)
-    flat, flat_rest = soon.reshape(-1), soon_rest.reshape(-1)
+    potential, soon_potential = rows[5], rows[6]
+    rest, soon_rest = (rows[7], rows[8]) if margin else (over, soon)
+    times = np.full((2, cells.length, nodes), NEVER)
+    early, soon_early = times[0], times[1]
+    flat = Reached(over.reshape(-1), rest.reshape(-1), potential.reshape(-1), early.reshape(-1))
+    flat_soon = Reached(soon.reshape(-1), soon_rest.reshape(-1), soon_potential.reshape(-1), soon_early.reshape(-1))
     h, z = np.full(nodes, _NONE), np.full(nodes, _NONE)  # most charge landed and potential reached so far
     seen = np.zeros(nodes, dtype=np.bool_)
     start, soc, depart_s, first_pad_s, at_once = origin
@@ -157,9 +198,14 @@ def forward_pass(  # noqa: PLR0915  one loop: taking it apart costs more than th
             continue
         inside = regular_s(table, slot, x, cells.step_s)
         down_by = x + cells.step_s + table.descent_s
+        # From then on, flights are over segments that open with the slot.
+        opened_s = table.start_s + slot * table.slot_s + table.climb_s
         for before in range(max(i - 1, 0), i + 1):
             for node in range(nodes):
                 over[i, node] = max(over[i, node], soon[before, node])
+                potential[i, node] = max(potential[i, node], soon_potential[before, node])
+                if soon_early[before, node] < NEVER:
+                    early[i, node] = min(early[i, node], max(soon_early[before, node], x))
                 if margin:
                     rest[i, node] = max(rest[i, node], soon_rest[before, node])
         for node in range(nodes):
@@ -176,11 +222,13 @@ def forward_pass(  # noqa: PLR0915  one loop: taking it apart costs more than th
                 barred = len(allowed) > 0 and not allowed[i // ratio, node]
                 # Drop what is not allowed here, is late or cannot land.
                 flight = least_s[node] + table.descent_s
-                charge = over[i, node]
+                charge, at_s = over[i, node], early[i, node]
+                can = min(potential[i, node], charge / costs.rate_per_s - at_s)
                 left = rest[i, node] if margin else charge
-                late = max(x + flight, full_s + flight * drain - (charge / costs.rate_per_s - x)) > deadline
+                late = max(at_s + flight, full_s + flight * drain - can) > deadline
                 if barred or late or left < enough:
-                    charge = left = _NONE
+                    charge = left = can = _NONE
+                    at_s = NEVER
                 elif node == goal:
                     # The destination: the first landing with what is asked for there brings the end nearer.
                     landing = min(charge - per_s * table.descent_s, left - strict * table.descent_s)
@@ -200,23 +248,30 @@ def forward_pass(  # noqa: PLR0915  one loop: taking it apart costs more than th
                             landed[cell, node] = max(landed[cell, node], down)
                         cell = waits.pad_cell[i, node]
                         if cell < cells.length:
-                            u = time_from_empty(grounds, node, down) - waits.pad_s[i, node]
-                            onto[cell, node] = max(onto[cell, node], u)
+                            # No more than by the soonest touch-down, nor than by the potential: a pad charges at the greatest rate at most.
+                            full = time_from_empty(grounds, node, down)
+                            u = full - max(waits.pad_s[i, node], at_s + table.descent_s)
+                            v = full - down / costs.rate_per_s + can - drain * table.descent_s
+                            onto[cell, node] = max(onto[cell, node], min(u, v))
                 # H, Z and leave.
                 h[node], z[node] = max(h[node], landed[i, node]), max(z[node], onto[i, node])
-                off = h[node]
+                begin_s = max(x, depart_s + table.climb_s)
+                off = soonest = h[node]
                 if z[node] > _NONE:
                     off = max(off, charge_after(grounds, node, x + cells.step_s - table.climb_s + z[node]))
+                    soonest = max(soonest, charge_after(grounds, node, begin_s - table.climb_s + z[node]))
                 if at_once and node == start and i > begin:
                     off = _NONE
                 leave[i, node] = off
                 # Take off: over the node with what is left after the climb, unless that is late or all is shut.
                 off -= climb
-                barred |= open_now.first[node] == open_now.first[node + 1]
-                late = max(x + flight, full_s + flight * drain - (off / costs.rate_per_s - x)) > deadline
+                gained = (soonest - climb) / costs.rate_per_s - begin_s
+                barred |= off == _NONE or open_now.first[node] == open_now.first[node + 1]
+                late = max(begin_s + flight, full_s + flight * drain - gained) > deadline
                 if not barred and not late:
+                    can, at_s = max(can, gained), min(at_s, begin_s)
                     charge, left = max(charge, off), max(left, off - costs.margin_soc_per_s * table.climb_s)
-                over[i, node] = charge
+                over[i, node], potential[i, node], early[i, node] = charge, can, at_s
                 if margin:
                     rest[i, node] = left
                 if left < enough:
@@ -227,19 +282,17 @@ def forward_pass(  # noqa: PLR0915  one loop: taking it apart costs more than th
                     if least > inside:
                         cell, _, least = crossed(table, cells, open_now, k, i, (x, slot, ends))
                     lesser = left - strict * least
-                    if cell != i or lesser < enough:
+                    there_s = (max(at_s, opened_s) if open_now.opened[k] else at_s) + least
+                    if cell != i or lesser < enough or there_s > x + cells.step_s + TIE_S:
                         continue
                     other, less = open_now.head[k], charge - per_s * least
-                    if less > over[i, other] or (margin and lesser > rest[i, other]):
-                        over[i, other] = max(less, over[i, other])
-                        if margin:
-                            rest[i, other] = max(lesser, rest[i, other])
+                    if _reach(flat, i * nodes + other, less, lesser, can - drain * least, there_s, margin):
                         seen[other] = stale[other] = again = True
         # Cruise: charge over other nodes in the later cells in which a flight over the segment may end.
         # A flight within the slot takes one time, whenever it enters, and ends in one of two cells.
         regular = min(inside, (cells.length - 1 - i) * cells.step_s)
         for node in range(nodes):
-            charge = over[i, node]
+            charge, can, at_s = over[i, node], potential[i, node], early[i, node]
             left = rest[i, node] if margin else charge
             if left < enough:
                 continue
@@ -248,11 +301,13 @@ def forward_pass(  # noqa: PLR0915  one loop: taking it apart costs more than th
                 cell = i + open_now.steps[k]
                 if least <= regular and cell > i:
                     place = i * nodes + open_now.place[k]
-                    less, lesser = charge - per_s * least, left - strict * least
-                    if lesser >= enough:
-                        flat[place] = max(less, flat[place])
-                        if margin:
-                            flat_rest[place] = max(lesser, flat_rest[place])
+                    less, lesser, there_s = charge - per_s * least, left - strict * least, at_s + least
+                    if lesser < enough:
+                        continue
+                    if there_s <= x + (open_now.steps[k] + 1) * cells.step_s + TIE_S:
+                        _reach(flat_soon, place, less, lesser, can - drain * least, there_s, margin)
+                    elif cell + 1 < cells.length:
+                        _reach(flat, place + nodes, less, lesser, can - drain * least, there_s, margin)
                     continue
                 end = cell + 1
                 if least > inside:
@@ -260,14 +315,13 @@ def forward_pass(  # noqa: PLR0915  one loop: taking it apart costs more than th
                 less, lesser = charge - per_s * least, left - strict * least
                 if lesser < enough:
                     continue
-                other = open_now.head[k]
-                cell, end = max(cell, i + 1), min(end, cells.length - 1)
-                while cell <= end:
-                    over[cell, other] = max(less, over[cell, other])
-                    if margin:
-                        rest[cell, other] = max(lesser, rest[cell, other])
+                there_s = (max(at_s, opened_s) if open_now.opened[k] else at_s) + least
+                cell = max(cell, i + 1, i + int((there_s - TIE_S - x) / cells.step_s))
+                while cell <= min(end, cells.length - 1):
+                    begin_s = max(there_s, x + (cell - i) * cells.step_s)
+                    _reach(flat, cell * nodes + open_now.head[k], less, lesser, can - drain * least, begin_s, margin)
                     cell += 1
-    return over, leave, found, last
+    return over, leave, early[found, goal] if found < cells.length else NEVER, last
 
 
 @compiled
