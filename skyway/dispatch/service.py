@@ -17,7 +17,7 @@ from skyway.dispatch.dispatcher.dispatcher import Dispatcher
 from skyway.dispatch.leases import KeptLeases
 from skyway.dispatch.records import DroneRecord, OrderRecord, ServiceRecord, read, written
 from skyway.dispatch.region import Region
-from skyway.dispatch.simulation import ADDRESS
+from skyway.dispatch.simulation import ADDRESS, claim_folder
 from skyway.dispatch.worker import worker_name
 from skyway.flights.starting import start
 from skyway.models.base.errors import InputError, LinkLostError, SkywayError
@@ -166,7 +166,6 @@ class Service:
         o = self.options
         if not o.fleet:
             raise InputError("a service without drones", field="--fleet", remedy="give a file of drones")
-        o.folder.mkdir(parents=True, exist_ok=True)
         record = ServiceRecord(
             begin_s=o.begin_s, folder=str(o.folder.resolve()), ledger=o.ledger, scenario=o.scenario, wind=o.wind, actual_wind=o.actual_wind,
             reserve=o.reserve, workers=o.workers, ttl_s=o.ttl_s, settings=list(o.settings), seed=o.seed, strangers=o.strangers,
@@ -180,6 +179,7 @@ class Service:
         record.drags = {name: self._drag(region.base.drone(name)) for name in sorted({one.type for one in vehicles})}
         entries = [Entry("drone", one.vehicle.id, 0, "standing", o.dispatcher, written(one)) for one in drones]
         service = Entry("service", "service", 0, "begun", o.dispatcher, written(record))
+        claim_folder(o.folder)
         written_ = self._desk.put(self._lease, [*entries, service])
         return self._with_world(written_[-1], record)
 

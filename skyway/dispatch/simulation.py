@@ -9,7 +9,7 @@ from skyway import typed_values
 from skyway.dispatch.records import DroneRecord, ServiceRecord, read
 from skyway.dispatch.region import Region
 from skyway.models.base.errors import InputError
-from skyway.models.base.files import write_atomically
+from skyway.models.base.files import file_error, write_atomically
 from skyway.models.base.units import from_posix
 from skyway.models.ledger.desk import Desk
 from skyway.models.ledger.opening import open_ledger
@@ -27,8 +27,22 @@ if TYPE_CHECKING:
 ADDRESS = "world.address"
 """File in the folder of the service with the address of the world."""
 EVENTS = "world.log"
+"""File there with what happens in the world; it marks the folder as that of a service."""
 STEP_S = 0.1
 """Time step of each drone's physics, s: the interval at which a supervisor requests attitude."""
+
+
+def claim_folder(folder: Path) -> None:
+    """Take a folder for a new service; an `InputError` if it is another service's, whose flights have journals of the same names."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        (folder / EVENTS).open("x").close()
+    except OSError as error:
+        if (folder / EVENTS).exists():
+            remedy = "name a new folder; a service is resumed with its own ledger and holder"
+            problem = "has the journals of another service"
+            raise InputError(problem, field="--folder", value=str(folder), remedy=remedy) from None
+        raise file_error("made", folder, error) from error
 
 
 def simulate(ledger: str, dispatcher: str) -> None:

@@ -204,7 +204,9 @@ def run(
         typer.Option(help="End after this time. Default: once all orders are closed and all drones stand."),
     ] = None,
     holder: Holder = "dispatch",
-    folder: Annotated[Path, typer.Option(help="Where journals and logs go.")] = Path("flights"),
+    folder: Annotated[Path, typer.Option(help="Where journals and logs go: a new folder for each new service.")] = Path(
+        "flights"
+    ),
     reserve: Annotated[float, typer.Option(help="Least charge at any landing, percent.")] = 20.0,
     time_limit: Annotated[float, typer.Option("--time-limit", help="Time limit of the search for each plan, s.")] = 2.0,
     iterations: Annotated[

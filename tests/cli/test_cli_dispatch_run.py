@@ -1,0 +1,31 @@
+"""The command line of a service, without its processes: everything that it refuses before it flies."""
+
+import pytest
+
+from skyway.models.ledger.desk import Desk
+from skyway.models.ledger.opening import open_ledger
+
+RUN = ("dispatch", "run", "--simulate", "--ledger", "new.db", "--fleet", "fleet.csv", "--depart", "2013-07-10T14:00-04:00", "--wind", "4@270")  # fmt: skip
+
+
+@pytest.fixture
+def fleet(tmp_path):
+    (tmp_path / "fleet.csv").write_text("id,type,home,charge_percent\nd1,m200,bellevue,60\n")
+    return tmp_path
+
+
+def test_a_new_service_refuses_the_folder_of_another_one(skyway, fleet):
+    """Flights are numbered in each ledger from one on: it resumed the journals of the other's."""
+    folder = fleet / "flights"
+    folder.mkdir()
+    (folder / "world.log").write_text("")
+    (folder / "000001.jsonl").write_text("the other's\n")
+    done = skyway(*RUN)
+    assert done.code == 2
+    assert done.err.splitlines()[-1].endswith(
+        "--folder: has the journals of another service (got 'flights'); "
+        "name a new folder; a service is resumed with its own ledger and holder"
+    )
+    assert (folder / "000001.jsonl").read_text() == "the other's\n"
+    with open_ledger(str(fleet / "new.db")) as book:
+        assert Desk(book, "dispatch").get("service", "service") is None
