@@ -29,3 +29,19 @@ def test_a_new_service_refuses_the_folder_of_another_one(skyway, fleet):
     assert (folder / "000001.jsonl").read_text() == "the other's\n"
     with open_ledger(str(fleet / "new.db")) as book:
         assert Desk(book, "dispatch").get("service", "service") is None
+
+
+@pytest.mark.parametrize(
+    ("option", "value", "said"),
+    [
+        ("--hours", "nan", "--hours: out of range (got 'nan')"),
+        ("--hours", "-1", "--hours: out of range (got '-1'); 0.01 or more"),
+        ("--hours", "inf", "--hours: out of range (got 'inf')"),
+        ("--notice", "inf", "--notice: out of range (got 'inf')"),
+        ("--time-limit", "0", "--time-limit: out of range (got '0'); 0.01 or more"),
+        ("--time-limit", "nan", "--time-limit: out of range (got 'nan')"),
+        ("--lease", "nan", "--lease: out of range (got 'nan')"),
+    ],
+)
+def test_times_that_would_never_end_or_never_begin_are_refused(refused, fleet, option, value, said):
+    assert said in refused(*RUN, option, value)

@@ -195,20 +195,26 @@ def run(
     notice: Annotated[
         float | None,
         typer.Option(
-            help="Simulate that each order arrives this long before it is ready, min. Default: all at once.", min=0.0
+            help="Simulate that each order arrives this long before it is ready, min. Default: all at once.",
+            min=0.0,
+            max=10080.0,
         ),
     ] = None,
     workers: Annotated[int, typer.Option(help="Worker processes, of up to 50 flights each.", min=1, max=64)] = 1,
     hours: Annotated[
         float | None,
-        typer.Option(help="End after this time. Default: once all orders are closed and all drones stand."),
+        typer.Option(
+            help="End after this time. Default: once all orders are closed and all drones stand.", min=0.01, max=8760.0
+        ),
     ] = None,
     holder: Holder = "dispatch",
     folder: Annotated[Path, typer.Option(help="Where journals and logs go: a new folder for each new service.")] = Path(
         "flights"
     ),
     reserve: Annotated[float, typer.Option(help="Least charge at any landing, percent.")] = 20.0,
-    time_limit: Annotated[float, typer.Option("--time-limit", help="Time limit of the search for each plan, s.")] = 2.0,
+    time_limit: Annotated[
+        float, typer.Option("--time-limit", help="Time limit of the search for each plan, s.", min=0.01, max=3600.0)
+    ] = 2.0,
     iterations: Annotated[
         int, typer.Option(help="Maximum number of iterations of the search for each plan.", min=0)
     ] = 10**9,
