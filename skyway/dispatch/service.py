@@ -95,9 +95,13 @@ class Service:
         self._desk = Desk(open_ledger(options.ledger), options.dispatcher)
         self._workers: dict[int, subprocess.Popen[bytes]] = {}
         self._world: LockstepClient | None = None
-        self._take_lease()
         self._region: Region | None = None
-        self.record = self._begun() or self._begin()
+        try:
+            self._take_lease()
+            self.record = self._begun() or self._begin()
+        except BaseException:
+            self._leases.close()  # the next attempt need not wait for its end
+            raise
         self._coming = deque(sorted(options.orders, key=lambda one: one.ready))
         self._take_orders(self.record.begin_s if options.notice_s is not None else math.inf)
         self.dispatcher = self._dispatcher()
@@ -111,13 +115,19 @@ class Service:
 
     def _take_lease(self) -> None:
         """Take the lease of the dispatcher; that of a killed one must first expire."""
-        end = time.monotonic() + TAKE_OVER_WALL_S
+        end, told = time.monotonic() + TAKE_OVER_WALL_S, False
         while True:
             try:
                 self._token = self._leases.take(self.options.dispatcher).token
-            except (FencedError, LedgerError):  # still leased, or database unavailable
+            except (FencedError, LedgerError) as error:  # still leased, or database unavailable
                 if time.monotonic() >= end:
                     raise
+                if not told:
+                    led = "another process leads this service, or was killed and its lease runs on"
+                    self._say(
+                        f"{led if isinstance(error, FencedError) else error}; waiting up to {TAKE_OVER_WALL_S:g} s"
+                    )
+                told = True
                 time.sleep(0.1)
             else:
                 return
