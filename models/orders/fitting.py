@@ -17,6 +17,8 @@ if TYPE_CHECKING:
 
 MAX_TARGETS = 5000
 """Places that are not stations: each becomes a node of the network."""
+TOLERATED_KG = 1e-9
+"""Rounding of masses."""
 _POSITION = re.compile(r"\s*([+-]?\d+(?:\.\d+)?)\s*,\s*([+-]?\d+(?:\.\d+)?)\s*")
 
 
@@ -28,21 +30,29 @@ class Work:
     orders: tuple[Order, ...]
     vehicles: tuple[Vehicle, ...]
 
+    def carriers(self, order: Order) -> tuple[Vehicle, ...]:
+        """Return the drones that can carry the package of an order."""
+        most_kg = {one.id: one.max_payload_kg for one in self.scenario.drones}
+        return tuple(one for one in self.vehicles if order.mass_kg <= most_kg[one.type] + TOLERATED_KG)
+
+    def too_heavy(self, order: Order) -> str | None:
+        """Say that an order is heavier than any drone of the fleet carries; None if it is not."""
+        if self.carriers(order):
+            return None
+        most_kg = max(self.scenario.drone(one.type).max_payload_kg for one in self.vehicles)
+        return f"its {order.mass_kg:g} kg are more than any drone of the fleet carries (up to {most_kg:g} kg)"
+
 
 def fit(scenario: Scenario, orders: Sequence[Order], vehicles: Sequence[Vehicle]) -> Work:
     """Find the places and types of orders and drones; targets given as ``lat,lon`` join the network.
 
-    An `InputError` lists every order and drone that does not fit: places and types that are unknown, packages that no drone
-    of the fleet carries, homes without a pad.
+    An `InputError` lists every order and drone that does not fit: places and types that are unknown, homes without a pad.
     """
     places = _Places(scenario)
     fitted = [_vehicle(one, places) for one in vehicles]
     if not vehicles:
         places.faults.append(Fault("the fleet is empty", field="fleet", remedy="one drone or more"))
-    types = {drone.id: drone for drone in scenario.drones}
-    carriers = [types[one.type] for one in vehicles if one.type in types]
-    most = max((drone.max_payload_kg for drone in carriers), default=None)
-    wanted = [_order(one, places, most) for one in orders]
+    wanted = [_order(one, places) for one in orders]
     refuse(places.faults)
     return Work(places.scenario, tuple(wanted), tuple(fitted))
 
@@ -86,14 +96,7 @@ class _Places:
         return next(one.id for one in wider.network.stations[-bends:] if not one.flyover)
 
 
-def _order(order: Order, places: _Places, most_kg: float | None) -> Order:
-    if most_kg is not None and order.mass_kg > most_kg:
-        remedy = f"up to {most_kg:g} kg" + (
-            f"; did you mean {order.mass_kg / 1000:g}?" if order.mass_kg / 1000 <= most_kg else ""
-        )
-        places.faults.append(
-            fault_at(order.source, "mass_kg", "is heavier than any drone of the fleet carries", order.mass_kg, remedy)
-        )
+def _order(order: Order, places: _Places) -> Order:
     origin = places.find(order.origin, order.source, "from")
     destination = places.find(order.destination, order.source, "to")
     if origin == destination and order.origin != order.destination:

@@ -8,10 +8,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from skyway.models.base.errors import refuse
 from skyway.models.base.geodesy import coarse_distance_m
 from skyway.models.base.units import S_PER_H
 from skyway.models.orders.fitting import fit
 from skyway.models.orders.order import Order, Vehicle
+from skyway.models.orders.rows import fault_at
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -119,15 +121,28 @@ def drones_of(
 
 
 def pattern_of(scenario: Scenario, orders: Sequence[Order], drone: Drone) -> tuple[tuple[str, str, float], ...]:
-    """Return origin, destination and mass of each of some orders; an `InputError` lists those that do not fit."""
+    """Return origin, destination and mass of each of some orders; an `InputError` lists those that do not fit, and those too heavy for the drone."""
     anywhere = next(one.id for one in scenario.network.stations if one.pads and not one.flyover)
     fleet = [Vehicle(id="any", type=drone.id, home=anywhere, place=anywhere)]
-    fitted = fit(scenario, orders, fleet).orders
+    work = fit(scenario, orders, fleet)
+    refuse(
+        [
+            fault_at(
+                one.source,
+                "mass_kg",
+                f"is heavier than {drone.id} carries",
+                one.mass_kg,
+                f"up to {drone.max_payload_kg:g} kg",
+            )
+            for one in work.orders
+            if work.too_heavy(one)
+        ]
+    )
 
     def named(found: str, typed: str) -> str:
         return found if found in scenario.network.index else typed  # a target is added to the network of each day again
 
     return tuple(
         (named(one.origin, as_typed.origin), named(one.destination, as_typed.destination), one.mass_kg)
-        for one, as_typed in zip(fitted, orders, strict=True)
+        for one, as_typed in zip(work.orders, orders, strict=True)
     )

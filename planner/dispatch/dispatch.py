@@ -50,6 +50,7 @@ if TYPE_CHECKING:
 
 MAX_EXPLAINED = 60
 """Number of refused orders for which a reason is computed."""
+UNSERVED = "no drone of the fleet can pick it up, deliver it and return in time, even without other orders"
 
 
 def dispatch(
@@ -239,7 +240,7 @@ def _alone(work: Work, alone: Search, number: int, otherwise: str, latest_s: flo
     """Return the reason why an order is not served, from its outcome as the only order, and whether even that is infeasible."""
     drones, added, position = alone.tried(number)
     if not len(drones) or not np.isfinite(added).any():
-        return "no drone of the fleet can pick it up, deliver it and return in time, even without other orders", True
+        return work.too_heavy(work.orders[number]) or UNSERVED, True
     best = int(np.argmin(added))
     drone = int(drones[best])
     before = alone.saved(drone)

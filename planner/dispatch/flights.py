@@ -16,6 +16,7 @@ from skyway.models.base.errors import InputError
 from skyway.models.base.formatting import duration
 from skyway.models.base.units import S_PER_H
 from skyway.models.composition.composition import State
+from skyway.models.orders.fitting import TOLERATED_KG
 from skyway.models.queues.seen_pads import NOTHING_SEEN, PadsSeen
 from skyway.planner.dispatch.problem import DispatchProblem, Fleet, Flights, Orders, Weights, escapes, to_go
 from skyway.planner.problem.error_model import USUAL_ERRORS
@@ -282,7 +283,7 @@ def _orders(work: Work, begin_s: float, place_of: dict[int, int], types: Sequenc
     for row, drone in enumerate(types):
         steps = np.linspace(0.0, drone.max_payload_kg, weigh.payload_classes + 1)[1:]
         for column, order in enumerate(work.orders):
-            if order.mass_kg <= drone.max_payload_kg + 1e-9 and drone.max_payload_kg > 0.0:
+            if order.mass_kg <= drone.max_payload_kg + TOLERATED_KG and drone.max_payload_kg > 0.0:
                 mode[row, column] = number[drone.id, float(steps[_class_of(order.mass_kg, steps)])]
     worth = [1.0 if one.value is None else min(max(one.value / usual, 0.25), 4.0) for one in work.orders]
     return Orders(

@@ -130,17 +130,14 @@ def _teams(work: Work, laid: Laid) -> list[tuple[int, list[int]]]:
 
 
 def _refused(work: Work, group: Group, search: Search, node: int) -> Answer:
-    alone = search.alone(node)
-    return Answer(
-        order=work.orders[group.orders[node - 1]].id,
-        status="refused",
-        reason=CROWDED if alone else HOPELESS,
-        hopeless=not alone,
-    )
+    alone, order = search.alone(node), work.orders[group.orders[node - 1]]
+    reason = CROWDED if alone else work.too_heavy(order) or HOPELESS
+    return Answer(order=order.id, status="refused", reason=reason, hopeless=not alone)
 
 
 def _unserved(work: Work, number: int) -> Answer:
-    return Answer(order=work.orders[number].id, status="refused", reason=NO_DRONE, hopeless=True)
+    order = work.orders[number]
+    return Answer(order=order.id, status="refused", reason=work.too_heavy(order) or NO_DRONE, hopeless=True)
 
 
 def _energy_j(work: Work, routes: Sequence[Route]) -> float:

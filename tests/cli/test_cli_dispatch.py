@@ -79,6 +79,19 @@ def test_an_order_whose_drone_stands_on_a_pad_is_not_planned_anew(skyway, files)
         assert "in use" in {one.state for one in ledger.holds()}
 
 
+@pytest.mark.parametrize("command", ["plan", "tours"])
+def test_an_order_that_is_too_heavy_is_refused_and_the_others_are_served(skyway, files, command):
+    (files / "orders.csv").write_text(ORDERS.replace("edison,white-plains,0.5", "bellevue,jacobi,3"))
+    done = skyway("dispatch", command, *PLAN[2:], "--json")
+    assert done.code == 0, done.err
+    blood, _, heavy = json.loads(done.out)["orders"]
+    assert blood["status"] == "served"
+    assert (heavy["status"], heavy["reason"]) == (
+        "refused",
+        "its 3 kg are more than any drone of the fleet carries (up to 1.45 kg)",
+    )
+
+
 def test_nothing_served_is_no(skyway, files):
     (files / "orders.csv").write_text(
         "\n".join(line for line in ORDERS.splitlines() if line[:2] in ("id", "fa")) + "\n"
@@ -104,7 +117,6 @@ def test_orders_that_were_due_before_are_refused_and_targets_keep_their_names(sk
     [
         (("orders.csv", "bellevue,jacobi", "nowhere,jacobi"), "orders.csv:2: from: no such station (got 'nowhere')"),
         (("orders.csv", "16:00-04:00", "13:00-04:00"), "orders.csv:2: due: is not after ready"),
-        (("orders.csv", "0.5", "500"), "orders.csv:2: mass_kg: is heavier than any drone of the fleet carries"),
         (("fleet.csv", "d2", "d1"), "fleet.csv:3: id: two drones have the same id"),
         (("fleet.csv", "m200", "ufo"), "fleet.csv:2: type: is not a drone of the scenario (got 'ufo')"),
     ],

@@ -13,9 +13,10 @@ from hypothesis import strategies as st
 from skyway.models.base.errors import InputError
 from skyway.models.base.geodesy import coarse_distance_m
 from skyway.models.compute.spreading import spread
+from skyway.models.orders.files import order_of
 from skyway.planner.capacity.changes import PADS_OF_NEW, Change, changed
 from skyway.planner.capacity.day import Case, DayDone, Piece, Study, simulate
-from skyway.planner.capacity.demand import Demand, drones_of, orders_of
+from skyway.planner.capacity.demand import Demand, drones_of, orders_of, pattern_of
 from skyway.planner.capacity.study import APART_M, candidates, document_of, find_capacity
 from skyway.scenarios import load_scenario
 
@@ -39,6 +40,13 @@ def day_done(orders, on_time, missed=()):
     return DayDone(
         orders=orders, promised=orders, delivered=on_time, on_time=on_time, stated=float(on_time), waited_s=0.0, delivery_s=0.0, landings=1, below=0, missed=missed
     )  # fmt: skip
+
+
+def test_a_pattern_of_orders_that_the_drone_does_not_carry_is_refused(scenario):
+    values = {"id": "a", "from": "bellevue", "to": "jacobi", "mass_kg": 3, "ready": "2013-07-10T14:00Z", "due": "2013-07-10T16:00Z"}  # fmt: skip
+    with pytest.raises(InputError, match="mass_kg: is heavier than m200 carries") as caught:
+        pattern_of(scenario, [order_of(values, "the order")], scenario.drone("m200"))
+    assert "up to 1.45 kg" in str(caught.value)
 
 
 def test_more_orders_and_one_drone_more_leave_the_others_as_they_are(scenario):
