@@ -43,7 +43,7 @@ class Status:
     led: bool
     """A dispatcher has its lease now."""
     now_s: float
-    """Latest reported time of the service, POSIX seconds of its own clock."""
+    """Latest time that the service has reported anything, POSIX seconds of its own clock."""
     service: ServiceRecord
     orders: dict[str, tuple[str, OrderRecord]]
     drones: dict[str, tuple[str, DroneRecord]]
@@ -80,16 +80,20 @@ def status_of(desk: Desk) -> Status:
     flights = board.read("flight", FlightRecord, ACTIVE)
     changes = board.read("change", ChangeRecord)
     orders = board.read("order", OrderRecord)
-    times_s = [one.progress.at_s for _, one in flights.values() if one.progress is not None]
-    times_s += [one.at_s for _, one in changes.values()] + [
-        one.delivered_s for _, one in orders.values() if one.delivered_s is not None
+    drones = board.read("drone", DroneRecord)
+    times_s = [
+        service.begin_s,
+        *(one.at_s for _, one in changes.values()),
+        *(one.measured_s for _, one in drones.values()),
     ]
+    times_s += [one.progress.at_s for _, one in flights.values() if one.progress is not None]
+    times_s += [one.delivered_s for _, one in orders.values() if one.delivered_s is not None]
     from skyway.dispatch.worker import worker_name
 
     names = [worker_name(desk.dispatcher, number) for number in range(1, service.workers + 1)]
     return Status(
-        dispatcher=desk.dispatcher, state=found.state, led=desk.ledger.led(desk.dispatcher), now_s=max(times_s, default=service.begin_s),
-        service=service, orders=orders, drones=board.read("drone", DroneRecord), flights=flights, pads=board.read("pad", PadRecord, ("out",)),
+        dispatcher=desk.dispatcher, state=found.state, led=desk.ledger.led(desk.dispatcher), now_s=max(times_s),
+        service=service, orders=orders, drones=drones, flights=flights, pads=board.read("pad", PadRecord, ("out",)),
         changes=changes, holds=desk.ledger.holds(), workers={one: desk.ledger.led(one) for one in names},
     )  # fmt: skip
 

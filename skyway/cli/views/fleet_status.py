@@ -28,7 +28,7 @@ def print_status(status: Status, timezone: str) -> None:
         else "; NO DISPATCHER RUNS: start skyway dispatch run again with the same ledger"
     )
     down = [name for name, alive in status.workers.items() if not alive] if status.state != "ended" else []
-    say(f"{status.dispatcher}, {status.state}, {date_clock(from_posix(status.now_s), zone)}: {len(status.orders)} orders ({counts or 'none'}); "
+    say(f"{status.dispatcher}, {status.state}, {date_clock(from_posix(status.now_s), zone, named=True)}: {len(status.orders)} orders ({counts or 'none'}); "
         f"{len(status.flights)} flights of {len(status.drones)} drones{led}")  # fmt: skip
     for name, (state, one) in status.drones.items():
         if state == "lost":
