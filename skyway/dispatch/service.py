@@ -75,7 +75,7 @@ class Options:
 
 
 def refuse_ended(service: Entry | None) -> None:
-    """Refuse a service that has ended, with an `InputError`: it is not resumed, and nobody would serve its orders."""
+    """Refuse a service that has ended, with an `InputError`: it is not resumed, and nobody would act on what it is told."""
     if service is not None and service.state == "ended":
         remedy = "name another --holder, or another ledger"
         raise InputError("the service of this name has ended", field="--holder", value=service.keeper, remedy=remedy)

@@ -37,3 +37,11 @@ def test_the_time_is_that_of_the_last_landing_and_names_its_zone(desk, tmp_path,
         one = DroneRecord(vehicle=replace(D1, id=f"d{number}"), system=number, place="bellevue", soc=0.5, measured_s=BEGIN_S + 60.0 * landed_min)  # fmt: skip
         desk.put_down("drone", f"d{number}", "standing", written(one))
     assert shown(tmp_path, capsys).startswith("dispatch, ended, 2013-07-10 15:05 EDT: ")
+
+
+def test_a_pad_of_a_service_that_has_ended_is_not_closed(desk, tmp_path, capsys):
+    put_service(desk, tmp_path, "ended")
+    words = ["dispatch", "close", "bellevue", "2", "--ledger", str(tmp_path / "ledger.db"), "--until", "2013-07-10T18:00-04:00"]  # fmt: skip
+    assert main(words) == 2
+    assert "--holder: the service of this name has ended (got 'dispatch')" in capsys.readouterr().err
+    assert desk.count("pad") == 0

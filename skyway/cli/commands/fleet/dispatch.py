@@ -381,18 +381,21 @@ def close(
     """
     from skyway.dispatch.records import PadRecord, written
     from skyway.dispatch.region import Region
+    from skyway.dispatch.service import refuse_ended
     from skyway.dispatch.status import status_of
     from skyway.models.ledger.desk import Desk
     from skyway.models.ledger.opening import open_ledger
 
     with open_ledger(ledger, create=False) as book:
         desk = Desk(book, holder)
-        network = Region(status_of(desk).service).base.network
+        status = status_of(desk)
+        refuse_ended(desk.get("service", "service"))
+        network = Region(status.service).base.network
         found = network.stations[network.find(station)]
         if pad > found.pads:
             raise InputError("the station has no such pad", field="pad", value=pad, remedy=f"1 to {found.pads}")
         end_s = typed_values.parse_time(until, "--until").timestamp()
-        begin_s = status_of(desk).now_s if begin is None else typed_values.parse_time(begin, "--from").timestamp()
+        begin_s = status.now_s if begin is None else typed_values.parse_time(begin, "--from").timestamp()
         if end_s <= begin_s:
             raise InputError("is not after the beginning", field="--until", value=until)
         record = PadRecord(station=found.id, pad=pad, from_s=begin_s, until_s=end_s, reason=reason)
