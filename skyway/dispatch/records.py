@@ -97,12 +97,24 @@ class PlanStep(msgspec.Struct, kw_only=True, frozen=True):
     pad: int | None = None
 
 
+def task_of(order: str | None, phase: str) -> str:
+    """Name what a flight is for: ``fetch ORDER``, ``deliver ORDER`` or ``home``."""
+    if order is None:
+        return phase
+    return f"fetch {order}" if phase == TO_PACKAGE else f"deliver {order}"
+
+
 class PlannedPart(msgspec.Struct, kw_only=True, frozen=True):
     """One flight of a route that has not begun."""
 
     order: str | None
     phase: str
     steps: tuple[PlanStep, ...]
+
+    @property
+    def task(self) -> str:
+        """Return what it is for, see `task_of`."""
+        return task_of(self.order, self.phase)
 
     @property
     def begin_s(self) -> float:
@@ -185,6 +197,11 @@ class FlightRecord(msgspec.Struct, kw_only=True):
     journal: str
     progress: Progress | None = None
     end: End | None = None
+
+    @property
+    def task(self) -> str:
+        """Return what it is for, see `task_of`."""
+        return task_of(self.order, self.phase)
 
     @property
     def begin_s(self) -> float:

@@ -60,6 +60,16 @@ class Status:
         """Return the number of orders in a state."""
         return sum(one == state for one, _ in self.orders.values())
 
+    def shown(self, drone: str) -> tuple[str, str]:
+        """Return the state of a drone and what it does now, for people: a drone under way stands on pads, too."""
+        state, one = self.drones[drone]
+        _, flight = self.flights.get(one.flight or "", ("", None))
+        if flight is not None:
+            doing = f"{flight.task}: {'begins' if flight.progress is None else flight.progress.state}"
+        else:
+            doing = "" if one.idle is None else f"charges on pad {one.idle.pad}"
+        return "under way" if state == FLYING else state, doing
+
     @property
     def lateness_s(self) -> list[float]:
         """Return the delay of each delivered order, s; negative if it was early."""
@@ -187,7 +197,7 @@ def _drone(status: Status, name: str) -> dict[str, Any]:
     return {
         "id": name, "type": one.vehicle.type, "state": state, "system": one.system, "home": one.vehicle.home, "place": one.place,
         "charge_percent": 100.0 * (one.soc if progress is None or progress.soc is None else progress.soc), "lat": lat, "lon": lon,
-        "flight": one.flight, "aboard": one.aboard, "idle_charge_pad": None if one.idle is None else one.idle.pad, "next": [part.order or part.phase for part in one.route], "reason": one.reason,
+        "flight": one.flight, "aboard": one.aboard, "idle_charge_pad": None if one.idle is None else one.idle.pad, "next": [part.task for part in one.route], "reason": one.reason,
     }  # fmt: skip
 
 

@@ -6,7 +6,19 @@ import pytest
 from fleet_runs import START
 
 from skyway.cli.main import main
-from skyway.dispatch.records import DroneRecord, ServiceRecord, written
+from skyway.dispatch.dispatcher.reasons import Reasons
+from skyway.dispatch.records import (
+    HOME,
+    TO_PACKAGE,
+    WITH_PACKAGE,
+    DroneRecord,
+    FlightRecord,
+    PlannedPart,
+    PlanStep,
+    Progress,
+    ServiceRecord,
+    written,
+)
 from skyway.models.ledger.desk import Desk
 from skyway.models.ledger.opening import open_ledger
 from skyway.models.orders.order import Vehicle
@@ -45,3 +57,28 @@ def test_a_pad_of_a_service_that_has_ended_is_not_closed(desk, tmp_path, capsys)
     assert main(words) == 2
     assert "--holder: the service of this name has ended (got 'dispatch')" in capsys.readouterr().err
     assert desk.count("pad") == 0
+
+
+def test_a_drone_that_charges_does_not_fly_and_what_it_does_next_tells_pick_up_from_delivery(desk, tmp_path, capsys):
+    step = PlanStep(kind="fly", origin="bellevue", destination="jacobi", begin_s=BEGIN_S, end_s=BEGIN_S + 600.0, soc_begin=0.9, soc_end=0.5)  # fmt: skip
+    flight = FlightRecord(
+        drone="d1", type="m200", system=1, order=None, phase=HOME, mass_kg=0.0, composition={}, steps=(step,), not_before_s=BEGIN_S,
+        journal="a.jsonl", progress=Progress(at_s=BEGIN_S + 600.0, state="charging", station="jacobi"),
+    )  # fmt: skip
+    route = tuple(
+        PlannedPart(order=order, phase=phase, steps=(step,))
+        for order, phase in (("s1", WITH_PACKAGE), ("x", TO_PACKAGE), ("x", WITH_PACKAGE), (None, HOME))
+    )
+    put_service(desk, tmp_path)
+    desk.put_down("flight", "f1", "flying", written(flight))
+    desk.put_down("drone", "d1", "flying", written(DroneRecord(vehicle=D1, system=1, place="bellevue", soc=0.9, flight="f1", route=route)))  # fmt: skip
+    words = " ".join(shown(tmp_path, capsys).split())
+    assert "d1 under way jacobi 90 % home: charging" in words
+    assert "deliver s1, fetch x, deliver x, home" in words
+
+
+def test_a_reason_is_told_once():
+    """The promise was with one drone, and stays with it."""
+    why = Reasons(of_drone={"d1": "d1 is 5 min late", "d2": "d2 is 3.3 min late"})
+    assert why.why(["d2", "d2"]) == "d2 is 3.3 min late"
+    assert why.why(["d2", "d1"]) == "d2 is 3.3 min late; d1 is 5 min late"

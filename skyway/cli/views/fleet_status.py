@@ -47,20 +47,14 @@ def print_status(status: Status, timezone: str) -> None:
     say("")
     drones = Sheet([Column("drone", justify=_LEFT), Column("state", justify=_LEFT), Column("place", justify=_LEFT), Column("charge"),
                     Column("doing", justify=_LEFT), Column("late"), Column("next", justify=_LEFT)])  # fmt: skip
-    for name, (state, one) in list(status.drones.items())[:SHOWN]:
+    for name, (_, one) in list(status.drones.items())[:SHOWN]:
         flight = status.flights.get(one.flight or "")
         progress = None if flight is None else flight[1].progress
         soc = one.soc if progress is None or progress.soc is None else progress.soc
-        doing = (
-            ""
-            if flight is None
-            else f"{flight[1].phase}{' of ' + flight[1].order if flight[1].order else ''}: {progress.state if progress else 'begins'}"
-        )
+        state, doing = status.shown(name)
         late = duration(flight[1].late_s) if flight is not None and flight[1].late_s >= 60.0 else ""
         place = (progress.station or "in the air") if progress is not None else one.place
-        drones.add(
-            name, state, place, percent(soc), doing, late, ", ".join(part.order or part.phase for part in one.route)
-        )
+        drones.add(name, state, place, percent(soc), doing, late, ", ".join(part.task for part in one.route))
     drones.show()
     if status.changes:
         say("")

@@ -21,7 +21,7 @@ class Reasons:
 
     def why(self, drones: Sequence[str]) -> str:
         """Return the reason for changing the promise of some drones."""
-        own = [self.of_drone[one] for one in drones if one in self.of_drone]
+        own = [self.of_drone[one] for one in dict.fromkeys(drones) if one in self.of_drone]
         found = own or self.general or list(self.of_drone.values())
         more = f"; and {len(found) - 2} more reasons" if len(found) > 2 else ""
         return "; ".join(found[:2]) + more

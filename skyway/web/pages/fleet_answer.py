@@ -140,18 +140,12 @@ def _orders(found: dict[str, Any], zone: tzinfo) -> str:
 
 
 def _drones(found: dict[str, Any]) -> str:
-    flights = {one["id"]: one for one in found["flights"]}
-    rows = []
-    for one in found["drones"]:
-        flight = flights.get(one["flight"])
-        doing = ""
-        if flight is not None:
-            doing = f"{flight['phase']} {flight['order'] or ''}: {flight['doing'] or 'begins'}"
-        elif one["idle_charge_pad"] is not None:
-            doing = f"charges on pad {one['idle_charge_pad']}"
-        rows.append((
-            one["id"], one["type"], one["state"], one["place"], percent(one["charge_percent"] / 100.0), doing, ", ".join(one["next"]), one["reason"],
-        ))  # fmt: skip
+    rows = [
+        (
+            one["id"], one["type"], one["shown"], one["place"], percent(one["charge_percent"] / 100.0), one["doing"], ", ".join(one["next"]), one["reason"],
+        )
+        for one in found["drones"]
+    ]  # fmt: skip
     return _table("Drones", ("drone", "type", "state", "place", "charge", "does", "then", "reason"), rows)
 
 

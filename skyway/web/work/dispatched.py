@@ -29,8 +29,9 @@ def told(ledger: str, holder: str) -> dict[str, Any]:
     with open_ledger(ledger, create=False) as book:
         status = status_of(Desk(book, holder))
     document = document_of(status)
-    for one in document["drones"]:  # a standing drone is at its station
-        if one["lat"] is None:
+    for one in document["drones"]:
+        one["shown"], one["doing"] = status.shown(one["id"])
+        if one["lat"] is None:  # a standing drone is at its station
             one["lat"], one["lon"] = _places(status.service.scenario).get(one["place"], (None, None))
     return document | {
         "timezone": _timezone(status.service.scenario), "now_s": status.now_s, "alarms": _alarms(status), "doing": _doing(status),
@@ -105,9 +106,9 @@ def _doing(status: Status) -> list[dict[str, Any]]:
     rows = []
     for name, (state, drone) in list(status.drones.items())[:MOST_ROWS]:
         flight = status.flights.get(drone.flight or "")
-        bars = [] if flight is None else _bars(flight[1].steps, flight[1].order or flight[1].phase, "now")
+        bars = [] if flight is None else _bars(flight[1].steps, flight[1].task, "now")
         for part in drone.route:
-            bars += _bars(part.steps, part.order or part.phase, "planned")
+            bars += _bars(part.steps, part.task, "planned")
         rows.append({"name": name, "bars": bars, "wrong": state == "lost"})
     return rows
 
