@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
-from skyway.models.base.errors import Fault, refuse
+from skyway.models.base.errors import Fault, InputError, refuse
 from skyway.models.orders.order import MAX_PRIORITY, Order, Vehicle
 from skyway.models.orders.rows import Row, checked_rows, fault_at, read_rows
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping
+    from collections.abc import Callable, Iterable, Mapping, Sequence
     from pathlib import Path
 
+T = TypeVar("T", Order, Vehicle)
 ORDER_FIELDS = ("id", "from", "to", "mass_kg", "ready", "due")
 ORDER_OPTIONAL = ("kind", "priority", "value")
 VEHICLE_FIELDS = ("id", "type", "home")
@@ -23,11 +24,12 @@ LONGEST_S = 48 * 3600.0
 
 def read_orders(path: Path) -> tuple[Order, ...]:
     """Read orders; an `InputError` lists every fault of the file, each with its line (CSV) or place in the list (JSON)."""
-    faults: list[Fault] = []
-    orders = [_order(row) for row in read_rows(path, "orders", ORDER_FIELDS, ORDER_OPTIONAL, faults)]
-    faults += _doubles(orders, "two orders have the same id")
-    refuse(_by_line(faults))
-    return tuple(orders)
+    return _without_faults(*orders_in(path))
+
+
+def orders_in(path: Path) -> tuple[list[Order], list[Fault]]:
+    """Return the orders of a file, those with faults too, whose missing texts are empty, and the faults."""
+    return _rows_in(path, "orders", (ORDER_FIELDS, ORDER_OPTIONAL), _order, "two orders have the same id")
 
 
 def order_of(values: Mapping[str, Any], source: str) -> Order:
@@ -41,11 +43,37 @@ def order_of(values: Mapping[str, Any], source: str) -> Order:
 
 def read_vehicles(path: Path) -> tuple[Vehicle, ...]:
     """Read the drones of a fleet; an `InputError` lists every fault of the file."""
+    return _without_faults(*vehicles_in(path))
+
+
+def vehicles_in(path: Path) -> tuple[list[Vehicle], list[Fault]]:
+    """Return the drones of a file, those with faults too, whose missing texts are empty, and the faults."""
+    return _rows_in(path, "vehicles", (VEHICLE_FIELDS, VEHICLE_OPTIONAL), _vehicle, "two drones have the same id")
+
+
+def read_both(orders: Path | None, vehicles: Path | None) -> tuple[tuple[Order, ...], tuple[Vehicle, ...]]:
+    """Read the files that are given; an `InputError` lists every fault of both."""
+    ordered, faults = ([], []) if orders is None else orders_in(orders)
+    drones, more = ([], []) if vehicles is None else vehicles_in(vehicles)
+    refuse([*faults, *more])
+    return tuple(ordered), tuple(drones)
+
+
+def _rows_in(
+    path: Path, key: str, fields: tuple[Sequence[str], Sequence[str]], read: Callable[[Row], T], twice: str
+) -> tuple[list[T], list[Fault]]:
     faults: list[Fault] = []
-    vehicles = [_vehicle(row) for row in read_rows(path, "vehicles", VEHICLE_FIELDS, VEHICLE_OPTIONAL, faults)]
-    faults += _doubles(vehicles, "two drones have the same id")
-    refuse(_by_line(faults))
-    return tuple(vehicles)
+    found: list[T] = []
+    try:
+        found += (read(row) for row in read_rows(path, key, *fields, faults))
+    except InputError as error:
+        faults += error.faults
+    return found, _by_line(faults + _doubles(found, twice))
+
+
+def _without_faults(rows: list[T], faults: list[Fault]) -> tuple[T, ...]:
+    refuse(faults)
+    return tuple(rows)
 
 
 def _order(row: Row) -> Order:

@@ -7,10 +7,12 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from skyway.models.base.errors import Fault, InputError, refuse
+from skyway.models.orders.files import orders_in, vehicles_in
 from skyway.models.orders.rows import fault_at
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
+    from pathlib import Path
 
     from skyway.models.orders.order import Order, Vehicle
     from skyway.models.scenario.scenario import Scenario
@@ -48,13 +50,28 @@ def fit(scenario: Scenario, orders: Sequence[Order], vehicles: Sequence[Vehicle]
 
     An `InputError` lists every order and drone that does not fit: places and types that are unknown, homes without a pad.
     """
+    work, faults = _fitted(scenario, orders, vehicles)
+    if not vehicles:
+        faults.append(Fault("the fleet is empty", field="fleet", remedy="one drone or more"))
+    refuse(faults)
+    return work
+
+
+def read_work(scenario: Scenario, orders: Path, vehicles: Path) -> Work:
+    """Read orders and drones, and match them to a scenario; an `InputError` lists every fault of both files, as they are and in the scenario."""
+    ordered, faults = orders_in(orders)
+    drones, more = vehicles_in(vehicles)
+    work, unfit = _fitted(scenario, ordered, drones)
+    found = [*faults, *more, *unfit]
+    refuse(sorted(found, key=lambda one: (one.file == str(vehicles), one.line or 0)))
+    return work
+
+
+def _fitted(scenario: Scenario, orders: Sequence[Order], vehicles: Sequence[Vehicle]) -> tuple[Work, list[Fault]]:
     places = _Places(scenario)
     fitted = [_vehicle(one, places) for one in vehicles]
-    if not vehicles:
-        places.faults.append(Fault("the fleet is empty", field="fleet", remedy="one drone or more"))
     wanted = [_order(one, places) for one in orders]
-    refuse(places.faults)
-    return Work(places.scenario, tuple(wanted), tuple(fitted))
+    return Work(places.scenario, tuple(wanted), tuple(fitted)), places.faults
 
 
 class _Places:
@@ -67,7 +84,9 @@ class _Places:
         self._targets = 0
 
     def find(self, text: str, source: Fault, field: str, *, targets: bool = True) -> str:
-        """Return the id of the node that a text names; the text itself, with a fault, if there is none."""
+        """Return the id of the node that a text names; the text itself, with a fault, if there is none. A missing text is a fault of its file."""
+        if not text:
+            return text
         if text not in self._found:
             try:
                 self._found[text] = self._look_up(text, targets=targets)
@@ -106,13 +125,18 @@ def _order(order: Order, places: _Places) -> Order:
 
 def _vehicle(vehicle: Vehicle, places: _Places) -> Vehicle:
     known = [drone.id for drone in places.scenario.drones]
-    if vehicle.type not in known:
+    if vehicle.type and vehicle.type not in known:
         remedy = "one of " + ", ".join(known)
         places.faults.append(fault_at(vehicle.source, "type", "is not a drone of the scenario", vehicle.type, remedy))
-    home = places.find(vehicle.home, vehicle.source, "home", targets=False)
-    place = places.find(vehicle.place, vehicle.source, "at", targets=False)
-    network = places.scenario.network
-    for field, node in {"home": home, "at": place}.items():
-        if node in network.index and not network.stations[network.index[node]].pads:
-            places.faults.append(fault_at(vehicle.source, field, "has no pads", node, "a station with pads"))
+    home = _pads_of(vehicle, vehicle.home, "home", places)
+    place = home if vehicle.place == vehicle.home else _pads_of(vehicle, vehicle.place, "at", places)
     return replace(vehicle, home=home, place=place)
+
+
+def _pads_of(vehicle: Vehicle, text: str, field: str, places: _Places) -> str:
+    """Return the id of the station with pads that a field of a drone names."""
+    node = places.find(text, vehicle.source, field, targets=False)
+    network = places.scenario.network
+    if node in network.index and not network.stations[network.index[node]].pads:
+        places.faults.append(fault_at(vehicle.source, field, "has no pads", node, "a station with pads"))
+    return node

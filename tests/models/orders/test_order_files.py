@@ -8,7 +8,7 @@ import pytest
 from skyway.missions.examples import NEW_YORK
 from skyway.models.base.errors import InputError
 from skyway.models.orders.files import read_orders, read_vehicles
-from skyway.models.orders.fitting import fit
+from skyway.models.orders.fitting import fit, read_work
 from skyway.models.scenario.file import read_scenario
 
 ORDERS = "id,from,to,mass_kg,kind,ready,due,priority,value\n"
@@ -145,3 +145,30 @@ def test_what_does_not_fit_the_scenario_is_refused_at_once(tmp_path, new_york):
     assert "orders.csv:4: to: no segment leads there (got '12,99')" in lines[2]
     assert "orders.csv:5: to: is where the order comes from" in lines[3]
     assert len(lines) == 4
+
+
+def test_all_faults_of_both_files_are_said_at_once(tmp_path, new_york):
+    rows = "a,nowhere,jacobi,heavy,,2013-07-10T14:00Z,2013-07-10T13:00Z,,\nb,edison,,0.5,,2013-07-10T14:00Z,2013-07-10T16:00Z,,\n"
+    orders = written(tmp_path / "orders.csv", ORDERS + rows)
+    fleet = written(tmp_path / "fleet.csv", FLEET + "d,ufo,nowhere,,101,,,\ne,,edison,,,,,\n")
+    lines = refusal(read_work, new_york, orders, fleet).splitlines()
+    assert [
+        line.split("orders.csv:")[-1].split("fleet.csv:")[-1].partition(" (")[0].partition(";")[0] for line in lines
+    ] == [
+        "2: due: is not after ready",
+        "2: mass_kg: is not a number",
+        "2: from: no such station",
+        "3: to: is missing",
+        "2: charge_percent: out of range",
+        "2: type: is not a drone of the scenario",
+        "2: home: no such station",
+        "3: type: is missing",
+    ]
+
+
+def test_a_fleet_that_cannot_be_read_is_not_called_empty(tmp_path, new_york):
+    orders = written(tmp_path / "orders.csv", ORDERS + "a,nowhere,jacobi,1,,2013-07-10T14:00Z,2013-07-10T15:00Z,,\n")
+    lines = refusal(read_work, new_york, orders, tmp_path / "fleet.csv").splitlines()
+    assert "orders.csv:2: from: no such station" in lines[0]
+    assert "fleet.csv: no such file" in lines[1]
+    assert len(lines) == 2

@@ -61,8 +61,7 @@ class FleetOptions:
         InputError
             A file or an option is wrong, or the plan would overwrite a file.
         """
-        from skyway.models.orders.files import read_orders, read_vehicles
-        from skyway.models.orders.fitting import fit
+        from skyway.models.orders.fitting import read_work
 
         options.refuse_overwriting(self.output, force=self.force)
         if conditions.truth is not None:
@@ -70,7 +69,7 @@ class FleetOptions:
             raise InputError("a fleet is not planned with perfect information", field="--actual-wind", remedy=remedy)
         parameters = typed_values.planner_parameters(self.settings)
         reserve = typed_values.percent(self.reserve, "--reserve", high=most_reserve)
-        work = fit(conditions.loaded(), read_orders(self.orders), read_vehicles(self.fleet))
+        work = read_work(conditions.loaded(), self.orders, self.fleet)
         known, _ = conditions.winds(work.scenario, conditions.instant, None)
         return FleetInputs(work, conditions.instant, known.forecast, parameters, reserve)
 
@@ -240,7 +239,7 @@ def run(
     from skyway.dispatch.service import Options, Service
     from skyway.dispatch.status import outcome
     from skyway.models.compute.worker_processes import hold_lifeline
-    from skyway.models.orders.files import read_orders, read_vehicles
+    from skyway.models.orders.files import read_both
 
     hold_lifeline()
     if not simulate:
@@ -249,9 +248,10 @@ def run(
     if not 0.5 <= lease <= 3600.0:
         raise InputError("out of range", field="--lease", value=lease, remedy="0.5 to 3600 s")
     typed_values.planner_parameters(settings)
+    ordered, drones = read_both(orders, fleet)
     inputs = Options(
         ledger=ledger, dispatcher=holder, folder=folder, begin_s=typed_values.parse_depart(depart).timestamp(),
-        orders=() if orders is None else read_orders(orders), fleet=() if fleet is None else read_vehicles(fleet),
+        orders=ordered, fleet=drones,
         scenario=None if scenario is None else str(scenario.resolve()), wind=wind, actual_wind=actual_wind,
         reserve=typed_values.percent(reserve, "--reserve", high=95.0), workers=workers, ttl_s=lease, plan_s=time_limit,
         iterations=iterations, lasts_s=None if hours is None else hours * 3600.0, seed=seed, strangers=traffic,
