@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import time
 from dataclasses import replace
+from functools import cache
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -28,7 +30,7 @@ from skyway.planner.dispatch.flight_kernels import (
     SOC_AFTER,
     TO,
 )
-from skyway.planner.dispatch.flights import Laid, lay_out_problem
+from skyway.planner.dispatch.flights import Laid, lay_out_problem, mode_problem
 from skyway.planner.dispatch.improve import solve
 from skyway.planner.dispatch.kept import before
 from skyway.planner.dispatch.result import PHASES, Answer, DispatchPlan, Route, Step
@@ -36,6 +38,7 @@ from skyway.planner.dispatch.search import Search
 from skyway.planner.parameters.planner import USUAL
 from skyway.planner.problem.problem import HORIZON_H
 from skyway.planner.problem.request import DEFAULT_RESERVE_SOC
+from skyway.planner.schedule.no_route import WindBetween
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Mapping, Sequence
@@ -43,6 +46,7 @@ if TYPE_CHECKING:
 
     from skyway.models.ledger.ledger import Hold
     from skyway.models.orders.fitting import Work
+    from skyway.models.orders.order import Order
     from skyway.models.wind.ensemble import WindEnsemble
     from skyway.planner.dispatch.departure_margin import DepartureMargin
     from skyway.planner.dispatch.flights import Leg
@@ -148,7 +152,9 @@ def dispatch(
     )
     return DispatchPlan(
         depart=depart,
-        answers=tuple(_explained(work, laid, answers, parameters, hoped)),
+        answers=tuple(
+            _explained(work, laid, answers, parameters, _WhyNever(work, depart, forecast, parameters), hoped)
+        ),
         routes=tuple(routes),
         cost_s=search.cost,
         bound_s=lower_bound(laid.problem) if bounded else 0.0,
@@ -210,9 +216,33 @@ def result_of(work: Work, laid: Laid, search: Search) -> tuple[list[Route], dict
     return routes, answers
 
 
+class _WhyNever:
+    """Why no drone can serve an order, even alone: its mass, else the wind, where that stops all drones that can carry it."""
+
+    def __init__(self, work: Work, depart: datetime, forecast: WindEnsemble, parameters: PlannerParameters) -> None:
+        self._work, self._index = work, work.scenario.network.index
+        self._wind_of = cache(
+            lambda type_: WindBetween(mode_problem(work, depart, forecast, parameters, work.scenario.drone(type_), 0.0))
+        )
+
+    def __call__(self, order: Order) -> str:
+        return self._work.too_heavy(order) or self._wind(order) or UNSERVED
+
+    def _wind(self, order: Order) -> str | None:
+        found = None
+        for drone in self._work.carriers(order):
+            stops = [self._index[one] for one in (drone.place, order.origin, order.destination, drone.home)]
+            closings = (self._wind_of(drone.type).closing(start, goal) for start, goal in pairwise(stops))
+            here = next(filter(None, closings), None)
+            if here is None:
+                return None
+            found = found or here
+        return found
+
+
 def _explained(
-    work: Work, laid: Laid, answers: dict[int, Answer], parameters: PlannerParameters, hoped: Laid | None = None
-) -> list[Answer]:
+    work: Work, laid: Laid, answers: dict[int, Answer], parameters: PlannerParameters, never: _WhyNever, hoped: Laid | None = None
+) -> list[Answer]:  # fmt: skip
     """Give each order that is not served a reason: its outcome as the only order; hopeless if it is infeasible in the forecast `hope`, too."""
     refused = [number for number in range(len(work.orders)) if number not in answers]
     forever = np.full(len(work.orders), np.inf)
@@ -229,18 +259,20 @@ def _explained(
         reason, hopeless = "the drones and pads serve orders of greater weight", False
         if alone is not None and count < MAX_EXPLAINED:
             latest = float(laid.problem.orders.latest_s[number])
-            reason, hopeless = _alone(work, alone, number, reason, latest)
+            reason, hopeless = _alone(work, alone, number, reason, latest, never)
             if hopeless and at_best is not None:
-                hopeless = _alone(work, at_best, number, reason, latest)[1]
+                hopeless = _alone(work, at_best, number, reason, latest, never)[1]
         answers[number] = Answer(order=order.id, status="refused", reason=reason, hopeless=hopeless)
     return [answers[number] for number in range(len(work.orders))]
 
 
-def _alone(work: Work, alone: Search, number: int, otherwise: str, latest_s: float) -> tuple[str, bool]:
+def _alone(
+    work: Work, alone: Search, number: int, otherwise: str, latest_s: float, never: _WhyNever
+) -> tuple[str, bool]:
     """Return the reason why an order is not served, from its outcome as the only order, and whether even that is infeasible."""
     drones, added, position = alone.tried(number)
     if not len(drones) or not np.isfinite(added).any():
-        return work.too_heavy(work.orders[number]) or UNSERVED, True
+        return never(work.orders[number]), True
     best = int(np.argmin(added))
     drone = int(drones[best])
     before = alone.saved(drone)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from functools import lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -33,11 +34,11 @@ LONG_WAIT_S = 6 * 3600.0
 """Where the shortest wait for a pad is longer, the load is why there is no route."""
 
 
-def _reached(problem: Problem, usable: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Return which nodes usable segments join to the origin, shape (nodes,)."""
+def _reached(problem: Problem, usable: NDArray[np.bool_], start: int | None = None) -> NDArray[np.bool_]:
+    """Return which nodes usable segments join to a node, by default the origin, shape (nodes,)."""
     tail, head = problem.network.tail[usable], problem.network.head[usable]
     found = np.zeros(len(problem.network), dtype=np.bool_)
-    found[problem.origin] = True
+    found[problem.origin if start is None else start] = True
     while True:
         new = head[found[tail] & ~found[head]]
         if not len(new):
@@ -149,6 +150,33 @@ def _too_strong(problem: Problem, segments: NDArray[np.int64], slots: NDArray[np
     if least > drone.wind_limit_mps:
         return f"{speed_text(least)} or more, above {limit}"
     return f"above {limit} or too strong for an airspeed of {problem.air.airspeed_mps:g} m/s"
+
+
+class WindBetween:
+    """Ways that the wind closes throughout the forecast of a problem, whatever the zones.
+
+    Parameters
+    ----------
+    problem : Problem
+        Drone and wind; its origin and destination are not used.
+    """
+
+    def __init__(self, problem: Problem) -> None:
+        self._problem = problem
+        air, network = problem.air._replace(shut=np.zeros_like(problem.air.shut)), problem.network
+        slots, every = np.arange(air.north.shape[1]), np.arange(len(network.tail))
+        speeds = (ground_speeds(air, member, slots, every) for member in range(len(problem.probability)))
+        self._open = np.any([(speed > 0.0).any(axis=0) for speed in speeds], axis=0)
+        self._reached = lru_cache(maxsize=None)(lambda start: _reached(problem, self._open, start))
+
+    def closing(self, start: int, goal: int) -> str | None:
+        """Report the wind that closes every way between two nodes; None if some way is open at some hour, or none exists."""
+        problem, network, reached = self._problem, self._problem.network, self._reached(start)
+        closed = np.flatnonzero(reached[network.tail] & ~reached[network.head])
+        if reached[goal] or not len(closed) or not _reached(problem, np.ones_like(self._open), start)[goal]:
+            return None
+        a, b = network.stations[start].id, network.stations[goal].id
+        return f"throughout the forecast the wind on every way from {a} to {b} is {_too_strong(problem, closed)}"
 
 
 def never_leaves(

@@ -92,6 +92,21 @@ def test_an_order_that_is_too_heavy_is_refused_and_the_others_are_served(skyway,
     )
 
 
+def test_a_wind_above_the_limit_of_the_drones_is_named_where_it_is_the_reason(skyway, files):
+    words = [{"4@270": "40@270"}.get(one, one) for one in PLAN]
+    done = skyway(*words, "--json")
+    assert done.code == 1
+    blood, _, far = json.loads(done.out)["orders"]
+    said = "throughout the forecast the wind on every way from {} is 40.0 m/s or more, above the limit of m200 (12 m/s)"
+    assert blood["reason"] == said.format("bellevue to jacobi")
+    assert far["reason"] == said.format("bellevue to edison")  # where the first drone would have to fetch it
+    empty = FLEET.replace(",60", ",0").replace(",40", ",0").replace("bellevue", "edison")
+    (files / "fleet.csv").write_text(empty.replace("d2,m200,jacobi", "d2,m200,edison"))
+    (files / "orders.csv").write_text("\n".join(ORDERS.splitlines()[:2]) + "\n")
+    done = skyway(*PLAN, "--json")
+    assert "wind" not in json.loads(done.out)["orders"][0]["reason"]
+
+
 def test_nothing_served_is_no(skyway, files):
     (files / "orders.csv").write_text(
         "\n".join(line for line in ORDERS.splitlines() if line[:2] in ("id", "fa")) + "\n"
