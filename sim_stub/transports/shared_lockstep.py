@@ -25,6 +25,8 @@ from skyway.sim_stub.transports.channel import Impairment, Lane
 from skyway.sim_stub.transports.pad_server import answer
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from skyway.sim_stub.world import World
 
 JOIN, WRITE, READ, SLEEP, PADS, ORDER, LEAVE = b"J", b"W", b"R", b"S", b"P", b"O", b"L"
@@ -39,8 +41,8 @@ ABSENT_WALL_S = 90.0
 """So long, of the wall's time, the world waits for somebody in the place of one that was killed."""
 HELD_WALL_S = 0.05
 """How often, of the wall's time, participants with the name of one that is waited for are answered: they try to take its place."""
-IDLE_WALL_S = 600.0
-"""A world in which nobody takes part for so long ends."""
+IDLE_WALL_S, LOOK_WALL_S = 600.0, 2.0
+"""A world in which nobody takes part for so long ends; how often it looks meanwhile whether it is over."""
 AWAITED_WALL_S = 300.0
 """So long it stands still until somebody comes who was announced."""
 MAX_FRAME = 1 << 20
@@ -75,10 +77,22 @@ class Absent:
 
 
 class SharedLockstep:
-    """A world with participants; `serve` runs it until nobody is left, once somebody was there."""
+    """A world with participants; `serve` runs it until it is ended, or nobody takes part for long.
 
-    def __init__(self, world: World, host: str = "127.0.0.1", port: int = 0) -> None:
-        self.world = world
+    Parameters
+    ----------
+    world : World
+        The world.
+    host, port : str, int
+        Where it listens.
+    over : callable
+        Whether nobody will take part any more; asked while nobody does.
+    """
+
+    def __init__(
+        self, world: World, host: str = "127.0.0.1", port: int = 0, *, over: Callable[[], bool] = lambda: False
+    ) -> None:
+        self.world, self._over = world, over
         self.now_s = world.sim_s
         self._listener = socket.create_server((host, port), backlog=_BACKLOG)
         self.address: tuple[str, int] = self._listener.getsockname()[:2]
@@ -87,14 +101,13 @@ class SharedLockstep:
         self.ended = False
 
     def serve(self) -> None:
-        """Let time pass until a client ends it (order ``end``)."""
+        """Let time pass until a client ends it (order ``end``), or nobody takes part and it is over, or nobody does for long."""
         while not self.ended:
             running = [one for one in self._all.values() if one.until_s is None]
             if running:
                 self._hear(None)
             elif not self._all:
-                self._hear(IDLE_WALL_S)
-                self.ended = self.ended or not self._all
+                self._wait_for_somebody()
             elif not self._advance():
                 self._wake_stand_ins()
                 self._hear(HELD_WALL_S)  # held for somebody in the place of one that was killed
@@ -103,6 +116,12 @@ class SharedLockstep:
         for one in list(self._all.values()):
             one.connection.close()
         self._listener.close()
+
+    def _wait_for_somebody(self) -> None:
+        until_wall_s = time.monotonic() + IDLE_WALL_S
+        while not self._all and not self.ended:
+            self._hear(LOOK_WALL_S)
+            self.ended = not self._all and (time.monotonic() >= until_wall_s or self._over())
 
     # Time
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from skyway import typed_values
 from skyway.dispatch.records import DroneRecord, ServiceRecord, read
 from skyway.dispatch.region import Region
-from skyway.models.base.errors import InputError
+from skyway.models.base.errors import InputError, SkywayError
 from skyway.models.base.files import file_error, write_atomically
 from skyway.models.base.units import from_posix
 from skyway.models.ledger.desk import Desk
@@ -46,7 +46,7 @@ def claim_folder(folder: Path) -> None:
 
 
 def simulate(ledger: str, dispatcher: str) -> None:
-    """Simulate the world of a service until it is ended."""
+    """Simulate the world of a service until it is ended; without its processes, until the service has ended, or none has come for long."""
     with open_ledger(ledger) as book:
         desk = Desk(book, dispatcher)
         found = desk.get("service", "service")
@@ -61,10 +61,19 @@ def simulate(ledger: str, dispatcher: str) -> None:
     folder = Path(service.folder)
     with (folder / EVENTS).open("a", encoding="utf-8") as log:
         world = build(service, drones, log=lambda line: print(line, file=log, flush=True))
-        shared = SharedLockstep(world)
+        shared = SharedLockstep(world, over=lambda: _has_ended(ledger, dispatcher))
         host, port = shared.address
         write_atomically(folder / ADDRESS, f"{host}:{port}\n", force=True)
         shared.serve()
+
+
+def _has_ended(ledger: str, dispatcher: str) -> bool:
+    try:
+        with open_ledger(ledger, create=False) as book:
+            found = Desk(book, dispatcher).get("service", "service")
+    except SkywayError:
+        return False  # the database is unavailable: the service may go on
+    return found is not None and found.state == "ended"
 
 
 def build(service: ServiceRecord, drones: list[DroneRecord], *, log: object = None) -> World:

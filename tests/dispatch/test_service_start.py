@@ -1,11 +1,17 @@
-"""How a service begins: who leads it, and what it leaves when it is refused."""
+"""How a service begins and ends: who leads it, and what it leaves."""
+
+import threading
 
 import pytest
 from fleet_runs import START
 
+from skyway.dispatch.records import DroneRecord, ServiceRecord, written
 from skyway.dispatch.service import Options, Service
+from skyway.dispatch.simulation import simulate
 from skyway.models.base.errors import InputError
+from skyway.models.ledger.desk import Desk
 from skyway.models.ledger.opening import open_ledger
+from skyway.models.orders.order import Vehicle
 
 
 def test_a_dispatcher_says_once_that_another_one_leads_and_leaves_no_lease_when_it_is_refused(tmp_path):
@@ -24,3 +30,18 @@ def test_a_dispatcher_says_once_that_another_one_leads_and_leaves_no_lease_when_
         assert not book.led("dispatch")
     assert len(said) == 1
     assert said[0].startswith("another process leads this service")
+
+
+def test_the_world_of_a_service_that_has_ended_ends_once_nobody_takes_part(tmp_path):
+    """Its dispatcher was killed while it waited for the last flights, and ends it no more."""
+    name = str(tmp_path / "ledger.db")
+    service = ServiceRecord(begin_s=START.timestamp(), folder=str(tmp_path), ledger=name)
+    vehicle = Vehicle(id="d1", type="m200", home="bellevue", place="bellevue")
+    with open_ledger(name) as book:
+        desk = Desk(book, "dispatch")
+        desk.put_down("service", "service", "ended", written(service))
+        desk.put_down("drone", "d1", "standing", written(DroneRecord(vehicle=vehicle, system=1, place="bellevue", soc=1.0)))  # fmt: skip
+    world = threading.Thread(target=simulate, args=(name, "dispatch"), daemon=True)
+    world.start()
+    world.join(60.0)
+    assert not world.is_alive()
