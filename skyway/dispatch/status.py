@@ -97,6 +97,8 @@ def status_of(desk: Desk) -> Status:
         *(one.measured_s for _, one in drones.values()),
     ]
     times_s += [one.progress.at_s for _, one in flights.values() if one.progress is not None]
+    unread = board.read("flight", FlightRecord, ("ended",))  # while no dispatcher runs, or one plans
+    times_s += [one.end.at_s for _, one in unread.values() if one.end is not None]
     times_s += [one.delivered_s for _, one in orders.values() if one.delivered_s is not None]
     from skyway.dispatch.worker import worker_name
 

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import pytest
 from fleet_runs import START
+from msgspec import structs
 
 from skyway.cli.main import main
 from skyway.dispatch.dispatcher.reasons import Reasons
@@ -12,6 +13,7 @@ from skyway.dispatch.records import (
     TO_PACKAGE,
     WITH_PACKAGE,
     DroneRecord,
+    End,
     FlightRecord,
     PlannedPart,
     PlanStep,
@@ -25,6 +27,12 @@ from skyway.models.orders.order import Vehicle
 
 BEGIN_S = START.timestamp()
 D1 = Vehicle(id="d1", type="m200", home="bellevue", place="bellevue")
+
+STEP = PlanStep(kind="fly", origin="bellevue", destination="jacobi", begin_s=BEGIN_S, end_s=BEGIN_S + 600.0, soc_begin=0.9, soc_end=0.5)  # fmt: skip
+FLIGHT = FlightRecord(
+    drone="d1", type="m200", system=1, order=None, phase=HOME, mass_kg=0.0, composition={}, steps=(STEP,), not_before_s=BEGIN_S,
+    journal="a.jsonl", progress=Progress(at_s=BEGIN_S + 600.0, state="charging", station="jacobi"),
+)  # fmt: skip
 
 
 def put_service(desk, folder, state="running"):
@@ -49,6 +57,9 @@ def test_the_time_is_that_of_the_last_landing_and_names_its_zone(desk, tmp_path,
         one = DroneRecord(vehicle=replace(D1, id=f"d{number}"), system=number, place="bellevue", soc=0.5, measured_s=BEGIN_S + 60.0 * landed_min)  # fmt: skip
         desk.put_down("drone", f"d{number}", "standing", written(one))
     assert shown(tmp_path, capsys).startswith("dispatch, ended, 2013-07-10 15:05 EDT: ")
+    end = End(at_s=BEGIN_S + 4200.0, state="delivered", reason="", station="jacobi", soc=0.5, arrived=True)
+    desk.put_down("flight", "f1", "ended", written(structs.replace(FLIGHT, end=end)))
+    assert shown(tmp_path, capsys).startswith("dispatch, ended, 2013-07-10 15:10 EDT: ")
 
 
 def test_a_pad_of_a_service_that_has_ended_is_not_closed(desk, tmp_path, capsys):
@@ -60,17 +71,12 @@ def test_a_pad_of_a_service_that_has_ended_is_not_closed(desk, tmp_path, capsys)
 
 
 def test_a_drone_that_charges_does_not_fly_and_what_it_does_next_tells_pick_up_from_delivery(desk, tmp_path, capsys):
-    step = PlanStep(kind="fly", origin="bellevue", destination="jacobi", begin_s=BEGIN_S, end_s=BEGIN_S + 600.0, soc_begin=0.9, soc_end=0.5)  # fmt: skip
-    flight = FlightRecord(
-        drone="d1", type="m200", system=1, order=None, phase=HOME, mass_kg=0.0, composition={}, steps=(step,), not_before_s=BEGIN_S,
-        journal="a.jsonl", progress=Progress(at_s=BEGIN_S + 600.0, state="charging", station="jacobi"),
-    )  # fmt: skip
     route = tuple(
-        PlannedPart(order=order, phase=phase, steps=(step,))
+        PlannedPart(order=order, phase=phase, steps=(STEP,))
         for order, phase in (("s1", WITH_PACKAGE), ("x", TO_PACKAGE), ("x", WITH_PACKAGE), (None, HOME))
     )
     put_service(desk, tmp_path)
-    desk.put_down("flight", "f1", "flying", written(flight))
+    desk.put_down("flight", "f1", "flying", written(FLIGHT))
     desk.put_down("drone", "d1", "flying", written(DroneRecord(vehicle=D1, system=1, place="bellevue", soc=0.9, flight="f1", route=route)))  # fmt: skip
     words = " ".join(shown(tmp_path, capsys).split())
     assert "d1 under way jacobi 90 % home: charging" in words
