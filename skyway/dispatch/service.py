@@ -233,7 +233,7 @@ class Service:
 
     def run(self) -> None:
         """Run to the end of the service."""
-        self._world = world = LockstepClient(self.record.world, self.options.dispatcher, grace_s=GRACE_S)
+        self._world = world = self._join_world()
         self.dispatcher = self._dispatcher()
         try:
             self._tend_workers()
@@ -250,6 +250,14 @@ class Service:
         finally:
             world.close()
             self._leases.close()
+
+    def _join_world(self) -> LockstepClient:
+        try:
+            return LockstepClient(self.record.world, self.options.dispatcher, grace_s=GRACE_S)
+        except LinkLostError as error:
+            self._leases.close()
+            remedy = "its drones are gone with it: start a new service, with another --ledger and --folder"
+            raise LinkLostError(f"{error}; {remedy}") from error
 
     def _step(self, now_s: float) -> None:
         """Do the due work; wait for an unavailable database, and reconnect."""

@@ -2,6 +2,7 @@
 
 import pytest
 
+from skyway.dispatch.records import ServiceRecord, written
 from skyway.models.ledger.desk import Desk
 from skyway.models.ledger.opening import open_ledger
 
@@ -45,3 +46,14 @@ def test_a_new_service_refuses_the_folder_of_another_one(skyway, fleet):
 )
 def test_times_that_would_never_end_or_never_begin_are_refused(refused, fleet, option, value, said):
     assert said in refused(*RUN, option, value)
+
+
+def test_a_service_whose_world_has_ended_says_what_to_do(skyway, fleet):
+    service = ServiceRecord(begin_s=0.0, folder=str(fleet), ledger="new.db", world="127.0.0.1:1")
+    with open_ledger(str(fleet / "new.db")) as book:
+        Desk(book, "dispatch").put_down("service", "service", "running", written(service))
+        done = skyway(*RUN)
+        assert done.code == 3
+        assert "the simulated world at 127.0.0.1:1 cannot be reached" in done.err
+        assert done.err.splitlines()[-1].endswith("start a new service, with another --ledger and --folder")
+        assert not book.led("dispatch")
