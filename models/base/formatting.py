@@ -267,6 +267,12 @@ def zone_clock(instant: datetime, zone: tzinfo) -> str:
     return f"{local:%H:%M:%S} {local:%Z}"
 
 
+def minute_clock(instant: datetime, zone: tzinfo) -> str:
+    """Return the minute that has begun by an expected instant, with the zone's name: ``14:04 EDT``."""
+    local = (instant + timedelta(minutes=1) - timedelta(microseconds=1)).astimezone(zone)
+    return f"{local:%H:%M} {local:%Z}"
+
+
 def utc_clock(at_s: float | None) -> str:
     """Return the time of day in UTC of POSIX seconds: ``18:03:22``."""
     return UNKNOWN if at_s is None else f"{datetime.fromtimestamp(at_s, UTC):%H:%M:%S}"

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import pairwise
 from statistics import NormalDist
@@ -46,6 +46,8 @@ class Gated:
     """Stations of the whole leg, from where it stands."""
     soc: float | None = None
     """Least charge; None where no charge does."""
+    leg_soc: float = 0.0
+    """Charge that would do if not every point had to have a divert station."""
     diverts: tuple[str, ...] = ()
     """Divert stations that every point has one of."""
     why: str = ""
@@ -185,8 +187,22 @@ class DepartureGate:
         way = self._reach.way(names[0], names[1:-1], names[-1])
         return way, self._reach.where_flown(way, at_s).measured_before(at_s - self._info.wind_measured_s)
 
-    def check(self, step: Step, time_s: float | None = None) -> Gated:
-        """Check the leg of a step as far as it must be sure of it: to the first station where it can land if need be."""
+    def charged(self, step: Step, at_least: float = 0.0) -> Gated:
+        """Check the leg of a step at the take-off that the required charge leads to: while it charges, the wind measured before grows older."""
+        gated = self.check(step, at_least=at_least)
+        if step.turn_back is not None or not self._problem.has_pads(self._problem.origin):
+            return gated
+        before = max(step.charge, self._info.soc)
+        while gated.soc is not None and before + FINE_SOC < gated.soc:
+            before = gated.soc
+            gated = self.check(replace(step, charge=before), at_least=before)
+        return gated
+
+    def check(self, step: Step, time_s: float | None = None, at_least: float = 0.0) -> Gated:
+        """Check the leg of a step as far as it must be sure of it: to the first station where it can land if need be.
+
+        No charge below `at_least` is asked about.
+        """
         at_s = self._take_off_s(step) if time_s is None else time_s
         names = self._names(step)
         sure = self._sure(step, names)
@@ -204,7 +220,7 @@ class DepartureGate:
             why = f"even fully charged the drone lands below {percent(self._reserve)}{on} at {sure[-1]} with probability {probability(chance)}"
             return Gated(names, why=f"the leg to {sure[-1]} is not flown: {why}", p_below=chance)
         covered = self._covered(
-            reach, way, at_s, max(least, step.charge if step.turn_back is not None else 0.0), sure[-1]
+            reach, way, at_s, max(least, at_least, step.charge if step.turn_back is not None else 0.0), sure[-1]
         )
         if isinstance(covered, float):
             why = f"from {distance_text(covered)} on no divert station is in reach, even fully charged"
@@ -216,7 +232,7 @@ class DepartureGate:
             or self._held(way, at_s, sure[-1])
         )
         hopeless = len(sure) < len(names) and self._hopeless(names, at_s, max(soc, step.charge))
-        return Gated(names, soc, diverts, held=held, figures=figures, hopeless=hopeless)
+        return Gated(names, soc, least, diverts, held=held, figures=figures, hopeless=hopeless)
 
     def _take_off_s(self, step: Step) -> float:
         """When it is charged as the step says, POSIX seconds."""

@@ -11,10 +11,14 @@ import math
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from skyway.models.base.formatting import duration, percent
 from skyway.models.base.units import S_PER_H, from_posix
 from skyway.models.composition.composition import State
 from skyway.models.drones.airspeed_load import AirspeedLoad
+from skyway.models.wind.estimation.field import WindObservation
+from skyway.models.wind.estimation.forecast_update import MEASURED_S, slot_variance, update_forecast
 from skyway.planner.online.departure_gate import DepartureGate, Gated, Later
 from skyway.planner.online.following import Step
 from skyway.planner.online.hindsight import Hindsight
@@ -30,8 +34,10 @@ from skyway.planner.robust.charge_policy import known_at
 from skyway.planner.robust.way_on import way_on_energy
 
 if TYPE_CHECKING:
+    from skyway.models.composition.composition import Composition
     from skyway.models.drones.drag import DragModel
     from skyway.models.drones.energy_belief import EnergyBelief
+    from skyway.models.network.station import Station
     from skyway.models.scenario.scenario import Scenario
     from skyway.models.wind.forecast import WindEnsemble
     from skyway.planner.online.information import Action, Information
@@ -40,6 +46,7 @@ if TYPE_CHECKING:
     from skyway.planner.problem.error_model import Errors
     from skyway.planner.problem.request import Request
     from skyway.planner.reach.reach import Place
+    from skyway.planner.schedule.itinerary import Leg
 
 
 WAY_ON_HOURS = 12
@@ -184,21 +191,17 @@ class OnlinePolicy:
         turning = gate if info.watched else None
         step = seen.choose(turning)
         while step.segments and len(closed) < self.parameters.max_closed:
-            gated = gate.check(step)
+            gated = gate.charged(step)
             if gated.hopeless and 0 < step.sure < len(step.segments):
                 step = replace(step, segments=step.segments[: step.sure], last=0)
-                gated = gate.check(step)
+                gated = gate.charged(step)
             full = float(p.curve(p.origin)[1][-1]) if p.has_pads(p.origin) else info.soc
             if gated.soc is not None and gated.soc <= max(full, info.soc) + 1e-9:
-                decision = self._leaving(info, seen, step, gated, gated.soc)
+                decision = self._leaving(info, seen, step, gated, gated.soc, tell=tell)
                 if info.watched:
                     p_turned = gate.p_turned(replace(step, charge=max(info.soc, decision.charge_to or 0.0)))
                     decision = replace(decision, figures={**decision.figures, "p_turned": p_turned})
-                if not tell:
-                    return decision
-                first = Step(step.segments, info.soc if decision.charge_to is None else decision.charge_to)
-                plan = told_plan(seen, first, decision.charge_to, self.parameters.epsilon_later)
-                return replace(decision, composition=plan)
+                return decision
             later = gate.later(step) if gated.soc is None else Later(None, may_open=False)
             if gated.soc is not None:
                 why = f"the leg needs {percent(gated.soc)}, and there is no pad here"
@@ -256,7 +259,36 @@ class OnlinePolicy:
             "charge", reason + more, figures, plan, service.destination, charge_to=wanted, diverts=gated.diverts
         )
 
-    def _leaving(self, info: Information, seen: Hindsight, step: Step, gated: Gated, least: float) -> Decision:
+    def _told(self, info: Information, seen: Hindsight, step: Step, charge_to: float | None) -> Composition | None:
+        """Return the plan that begins with a step: later legs leave with what the gate will most probably ask for."""
+        relative = info.belief.times(1.0 / info.belief.mean_ratio)
+        errors = replace(self.errors.in_forecast(info.forecast, info.time_s), energy=relative)
+
+        def required(leg: Leg, member: int, landed_s: float, soc: float) -> float | None:
+            node = int(seen.problem.network.tail[leg.segments[0]])
+            there = self._landed(info, member, seen.problem.network.stations[node], landed_s, soc)
+            charge = max(soc, leg.charge_to or 0.0)
+            gate = DepartureGate(self, there, seen.problem.standing_at(node, landed_s, soc))
+            return gate.charged(Step(leg.segments, charge, seen.sure_of(leg.segments)), charge).soc
+
+        first = Step(step.segments, info.soc if charge_to is None else charge_to)
+        return told_plan(seen, first, charge_to, errors, required)
+
+    def _landed(self, info: Information, member: int, station: Station, time_s: float, soc: float) -> Information:
+        """Return the information after a later landing, in the wind of a member: where the drone measures it on its way, it is known by then."""
+        there = replace(info, station=station.id, time_s=time_s, soc=soc, behind=0)
+        if not info.measures_wind:
+            return there
+        lat, lon = np.array([station.lat]), np.array([station.lon])
+        north, east = (float(one[member, 0]) for one in info.forecast.at_times(lat, lon, np.array([time_s])))
+        variance = slot_variance(math.hypot(north, east), MEASURED_S)
+        measured = WindObservation(time_s, station.lat, station.lon, north, east, variance)
+        forecast = update_forecast(info.forecast, [measured], least_members=self.parameters.least_members)
+        return replace(there, near_forecast=forecast, wind_measured_s=time_s)
+
+    def _leaving(
+        self, info: Information, seen: Hindsight, step: Step, gated: Gated, least: float, *, tell: bool
+    ) -> Decision:
         """Leave as a step says, with the charge that the gate asks for."""
         p, parameters = seen.problem, self.parameters
         charge = max(step.charge, least)  # of one that may turn back it is what is worth the try
@@ -293,7 +325,9 @@ class OnlinePolicy:
             )  # fmt: skip
         planned = None if info.plan is None or not info.plan.services else info.plan.services[0]
         same = planned is not None and (planned.destination, *planned.via) == (names[-1], *names[1:-1])
-        reason = f"next {station}, {duration(step.arrival_s - info.time_s)} to the delivery"
+        plan = self._told(info, seen, step, wanted) if tell else None
+        arrival_s = step.arrival_s if plan is None or plan.arrival.mean is None else plan.arrival.mean.timestamp()
+        reason = f"next {station}, {duration(arrival_s - info.time_s)} to the delivery on average"
         reason += ", as planned" if same else ": arrives earliest with current information"
         if step.turn_back is not None:
             reason += "; it turns back if the gusts are too strong"
@@ -304,9 +338,11 @@ class OnlinePolicy:
         if before is not None and abs((wanted or info.soc) - max(before, info.soc)) > parameters.charge_step:
             action = "charge" if action == "continue" else action
             reason += f" instead of {percent(before)}" if wanted is not None else f"; no charging to {percent(before)}"
+        if wanted is not None and least > max(gated.leg_soc, step.charge) + parameters.charge_step:
+            reason += f": with less, parts of the way have no divert station in reach ({', '.join(gated.diverts)}); the flight to its end needs {percent(gated.leg_soc)}"
         return Decision(
-            action, reason, figures | {"new_plan": not same}, station=station, charge_to=wanted, diverts=gated.diverts,
-            departure=departure, least_soc=least,
+            action, reason, figures | {"new_plan": not same}, composition=plan, station=station, charge_to=wanted,
+            diverts=gated.diverts, departure=departure, least_soc=least,
         )  # fmt: skip
 
     def _look_s(self, info: Information, seen: Hindsight) -> float:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import TYPE_CHECKING
@@ -10,10 +11,11 @@ import numpy as np
 
 from skyway.models.base.errors import AuditError, InfeasibleError
 from skyway.models.base.statistics import weighted_quantile
+from skyway.planner.robust.out_of_sample import simulate_fixed
 from skyway.planner.schedule.composing import compose
 from skyway.planner.schedule.itinerary import Leg, fly_expected, fly_sampled, stop_nodes, typical_member
 from skyway.planner.schedule.outcome import outcome
-from skyway.planner.schedule.schedule_kernels import SOC_LANDING, SOC_TAKE_OFF
+from skyway.planner.schedule.schedule_kernels import SOC_LANDING, SOC_TAKE_OFF, TOUCH_DOWN
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -22,9 +24,15 @@ if TYPE_CHECKING:
     from skyway.models.network.network import Network
     from skyway.planner.online.following import Step
     from skyway.planner.online.hindsight import Hindsight
+    from skyway.planner.problem.error_model import Errors
     from skyway.planner.problem.problem import Problem
     from skyway.planner.schedule.itinerary import Itinerary
     from skyway.planner.schedule.outcome import Outcome
+
+
+Required = Callable[[Leg, int, float, float], float | None]
+"""Charge without which a leg is not begun, by the member of the forecast that most probably blows, the landing before it, POSIX seconds, and the charge then;
+None: no charge opens it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,25 +102,61 @@ def needed_charges(problem: Problem, itinerary: Itinerary, epsilon: float) -> li
     return needed[::-1]
 
 
-def told_plan(seen: Hindsight, step: Step, charge_to: float | None, epsilon: float) -> Composition | None:
+def told_plan(
+    seen: Hindsight, step: Step, charge_to: float | None, errors: Errors, required: Required
+) -> Composition | None:
     """Compose a plan that begins with a step; None where no wind of the forecast lets it be flown as a whole.
 
-    The step, chosen by `seen`, leaves with `charge_to`; None: it does not charge. Charges of later legs may be too low
-    in the share `epsilon` of the forecast.
+    Its figures are those of simulated deliveries with gusts, queues, the energy of `errors`, relative to the problem's, and the time of manoeuvres. The
+    step, chosen by `seen`, leaves with `charge_to`; None: it does not charge. Charges of later legs may be too low in the share `epsilon_later` of the
+    forecast, but are at least what is `required`; legs that are closed for it are planned around, and `seen` counts on them no more.
     """
-    p = seen.problem
+    p, parameters = seen.problem, seen.problem.parameters.online
     first = Leg(step.segments, charge_to)
-    for later in dict.fromkeys((seen.onward(step), ())):
-        whole = (first, *later)
-        found = best_charges(p, whole, epsilon) if later else None
-        itinerary = whole if found is None else (first, *found.itinerary[1:])
+    for whole in (True, False):
         try:
+            itinerary = _with_later(seen, step, first, required) if whole else (first,)
             member, course = typical_member(p, itinerary)
-            result = outcome(p, *fly_sampled(p, itinerary, p.parameters.online.told_queues))
+            runs = simulate_fixed(p, itinerary, errors, parameters.told_queues * len(p.probability))
+            flown = outcome(p, runs.schedule, runs.weight)
+            result = replace(flown, arrival_s=flown.arrival_s + parameters.manoeuvres_s * len(itinerary))
             return compose(p, itinerary, course, member, result, planner="online", planning_time_s=0.0)
         except (InfeasibleError, AuditError):
             continue
     return None
+
+
+def _with_later(seen: Hindsight, step: Step, first: Leg, required: Required) -> Itinerary:
+    """Continue a first leg with those that most probably follow, around legs that cannot be begun; where no way leads around, they leave fully charged."""
+    p = seen.problem
+    straight: Itinerary | None = None
+    for _ in range(p.parameters.online.max_closed):
+        later = seen.onward(step)
+        if not later:
+            break
+        found = best_charges(p, (first, *later), p.parameters.online.epsilon_later)
+        itinerary, closed = _with_required(p, (first, *(later if found is None else found.itinerary[1:])), required)
+        if closed is None:
+            return itinerary
+        straight = straight or itinerary
+        seen.close(closed.segments[0])
+    return straight or (first,)
+
+
+def _with_required(problem: Problem, itinerary: Itinerary, required: Required) -> tuple[Itinerary, Leg | None]:
+    """Raise the charges of later legs to what is required before their take-off in a typical course; beside it, the first that no charge opens."""
+    closed: Leg | None = None
+    for number in range(1, len(itinerary)):
+        leg = itinerary[number]
+        if leg.charge_to is None:
+            continue
+        member, course = typical_member(problem, itinerary)
+        least = required(leg, member, float(course[number - 1, TOUCH_DOWN]), float(course[number - 1, SOC_LANDING]))
+        if least is None:
+            closed = closed or leg
+        raised = replace(leg, charge_to=1.0 if least is None else max(leg.charge_to, least))
+        itinerary = (*itinerary[:number], raised, *itinerary[number + 1 :])
+    return itinerary, closed
 
 
 def itinerary_of(problem: Problem, composition: Composition) -> Itinerary | None:

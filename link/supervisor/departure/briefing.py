@@ -8,7 +8,7 @@ from zoneinfo import ZoneInfo
 from skyway.link.supervisor.departure.parameter_changes import change_lines
 from skyway.link.supervisor.journal.entries import Briefed, CheckDone, Waiting
 from skyway.link.supervisor.journal.parts import ParameterToSet, winds
-from skyway.models.base.formatting import duration, percent, zone_clock
+from skyway.models.base.formatting import duration, minute_clock, percent, zone_clock
 
 if TYPE_CHECKING:
     from skyway.link.supervisor.context import Context
@@ -102,7 +102,7 @@ def _delivery_lines(ctx: Context) -> list[str]:
         "half by": plan.arrival.p50,
         "95 % by": plan.arrival.p95,
     }
-    known = [f"{word} {zone_clock(at, zone)}" for word, at in arrival.items() if at is not None]
+    known = [f"{word} {minute_clock(at, zone)}" for word, at in arrival.items() if at is not None]
     if not known:
         return []
     begins = min([plan.depart, *(service.depart for service in plan.services[:1])])
