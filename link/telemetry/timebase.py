@@ -33,6 +33,8 @@ _KEPT_READINGS, _MIN_READINGS, _ONE_STEP = 5, 4, 0.6
 _READ_S = 0.05
 """Greatest difference between two fields of one SYSTEM_TIME message."""
 _FAR_S = 2.0
+_BEFORE_S = 5.0
+"""A clock this far behind an earlier reading of it is another one."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -98,11 +100,13 @@ class VehicleClock:
         self.reboots = 0
         """Number of restarts of its time."""
         self._newest_boot_s = 0.0
+        self._continued = False
         self._begin()
 
     def _begin(self) -> None:
         """Forget the offset to our time, and drifts."""
         self.offset_s = None
+        self._continued = False
         self._arrival_s: float | None = None
         self._asked: deque[int] = deque(maxlen=4)
         self._ask_s = -math.inf
@@ -114,6 +118,24 @@ class VehicleClock:
     def boot_s(self) -> float:
         """Newest reported time since boot, s."""
         return self._newest_boot_s
+
+    @property
+    def booted_s(self) -> float | None:
+        """When its time since boot began, POSIX seconds; None while unknown."""
+        return self._offset_s()
+
+    def go_on(self, booted_s: float, last_s: float) -> bool:
+        """Continue an earlier connection's clock, by which it was `booted_s`, and `last_s` at the last look; return whether that was necessary.
+
+        It is where the time since boot is of the same boot, and the vehicle's clock of day has gone another way: it is a simulation, or behind.
+        """
+        own_s, boot_s = self._offset_s(), self._newest_boot_s
+        if boot_s + booted_s < last_s - _BEFORE_S:
+            return False
+        if own_s is not None and not self.simulated and boot_s + own_s >= last_s - _BEFORE_S:
+            return False
+        self.offset_s, self._continued = booted_s, True
+        return True
 
     @property
     def speed(self) -> float:
@@ -198,6 +220,8 @@ class VehicleClock:
         If it differs, it is the computer's clock under a simulation: its last value while both agreed, or its first, is kept.
         """
         self._theirs.add(_Answer(utc_s, boot_s, _READ_S))
+        if self._continued:
+            return
         if self.offset_s is None or (self._theirs.steady and not self._theirs.seen):
             self.offset_s = utc_s - boot_s
 

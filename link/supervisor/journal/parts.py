@@ -52,6 +52,8 @@ class Standing(Part, frozen=True, kw_only=True):
     gauge: float | None
     lost_soc: float | None
     observations: tuple[Observation, ...]
+    booted_s: float | None = None
+    """When the vehicle's time since boot began, POSIX seconds by the clock of the journal."""
 
 
 class Expected(Part, frozen=True, kw_only=True):

@@ -28,6 +28,7 @@ def standing(ctx: Context) -> Standing:
         gauge=ctx.energy.gauge,
         lost_soc=ctx.battery.lost_soc,
         observations=tuple(Observation(**asdict(one)) for one in ctx.wind.observations),
+        booted_s=ctx.vehicle.live.clock.booted_s,
     )
 
 
@@ -41,10 +42,16 @@ def restore_standing(ctx: Context, stored: Standing) -> None:
     ctx.wind.restore(stored.observations)
 
 
-def measured_winds(records: Sequence[Record]) -> tuple[Observation, ...]:
-    """Return the winds at cruise height of the last record in a journal."""
+def last_standing(records: Sequence[Record]) -> Standing | None:
+    """Return the newest state in a journal; None where there is none yet."""
     for record in reversed(records):
         entry = record.entry(PlanTaken) or record.entry(LegBegun) or record.entry(Landed)
         if entry is not None:
-            return entry.standing.observations
-    return ()
+            return entry.standing
+    return None
+
+
+def measured_winds(records: Sequence[Record]) -> tuple[Observation, ...]:
+    """Return the winds at cruise height of the last record in a journal."""
+    found = last_standing(records)
+    return () if found is None else found.observations

@@ -63,6 +63,38 @@ def test_the_vehicles_own_clock_goes_before_ours_and_a_difference_is_told():
     assert clock.base.doubts == ("the vehicle's clock is +3600 s from this computer's",)
 
 
+def fast_clock(boot_s, began_wall_s, seconds=4):
+    """A vehicle at twenty times our speed whose clock of day is the computer's, as in PX4's simulation."""
+    clock = VehicleClock()
+    for k in range(20 * seconds):
+        wall_s = began_wall_s + k / 20.0
+        clock.hear(heard("SYSTEM_TIME", time_unix_usec=int(wall_s * 1e6), time_boot_ms=int(1e3 * (boot_s + k))), wall_s)
+    return clock
+
+
+def test_a_resumed_flight_continues_the_clock_of_its_journal():
+    """Resumed after a kill, its times went back by five minutes: landed before the take-off."""
+    before = fast_clock(10.0, BEGAN_S)
+    last_s = before.hear(heard("ATTITUDE", time_boot_ms=89_000), BEGAN_S)
+    again = fast_clock(289.0, BEGAN_S + 14.0)
+    assert again.hear(heard("ATTITUDE", time_boot_ms=369_000), BEGAN_S) < last_s + 280.0 - 100.0
+    assert again.go_on(before.booted_s, last_s)
+    again.hear(heard("SYSTEM_TIME", time_unix_usec=int((BEGAN_S + 18.05) * 1e6), time_boot_ms=370_000), BEGAN_S)
+    assert again.hear(heard("ATTITUDE", time_boot_ms=371_000), BEGAN_S) == pytest.approx(last_s + 282.0)
+
+
+def test_the_clock_of_a_journal_is_not_continued_after_a_restart_nor_beside_a_real_one():
+    before = fast_clock(10.0, BEGAN_S)
+    last_s = before.hear(heard("ATTITUDE", time_boot_ms=89_000), BEGAN_S)
+    assert not fast_clock(2.0, BEGAN_S + 14.0, seconds=1).go_on(before.booted_s, last_s)
+    real = VehicleClock()
+    for k in range(6):
+        real.hear(
+            heard("SYSTEM_TIME", time_unix_usec=int((last_s + 100.0 + k) * 1e6), time_boot_ms=1000 * (400 + k)), BEGAN_S
+        )
+    assert not real.go_on(before.booted_s, last_s)
+
+
 def test_before_any_answer_times_are_those_of_arrival_and_said_to_be_so():
     clock = VehicleClock()
     assert clock.hear(heard("ATTITUDE", time_boot_ms=5_000), BEGAN_S) == BEGAN_S

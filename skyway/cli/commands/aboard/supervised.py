@@ -99,7 +99,7 @@ def _flown(
         if vehicle.connection.forwarder is not None:
             vehicle.connection.forwarder.tell = None  # told and journaled by the supervisor
         doing("waiting for telemetry and the time of the vehicle")
-        clock = _clock(vehicle, operator)
+        clock = _clock(vehicle, operator, path if resumes else None)
         now = from_posix(clock.posix_s())
         job = job_at(now, vehicle)
         if not (resumes or job.asking == "never" or operator.present):
@@ -133,15 +133,24 @@ def _flown(
                 write_report(book.path, report, scenario=job.scenario)
 
 
-def _clock(vehicle: Vehicle, operator: Operator) -> Clock:
-    """Take the vehicle's clock: it may live at another time, and at another speed, also from some moment on only."""
+def _clock(vehicle: Vehicle, operator: Operator, resumed: Path | None) -> Clock:
+    """Take the vehicle's clock: it may live at another time, and at another speed, also from some moment on only; that of a journal is continued."""
     from skyway.flying import FAR_S
+    from skyway.link.supervisor.journal.file import read_journal
+    from skyway.link.supervisor.journal.standing import last_standing
     from skyway.link.telemetry.vehicle_time import VehicleTime
 
     wall = vehicle.connection.clock
     vehicle.request_telemetry()
     for _ in vehicle.samples(4.0):
         pass
+    if resumed is not None:
+        records = read_journal(resumed).records
+        before = last_standing(records)
+        if before is not None and before.booted_s is not None:
+            vehicle.live.clock.go_on(before.booted_s, records[-1].time_s)
+            for _ in vehicle.samples(1.0):
+                pass
     base, sample = vehicle.live.clock, vehicle.live.sample
     far = sample is not None and base.base.absolute and abs(sample.time_s - wall.posix_s()) >= FAR_S
     if far or base.simulated:
