@@ -185,7 +185,7 @@ class FlightDecision:
         self._memory.speed_s = airborne.time_s
         reason = (
             f"ground speed {speed_text(airborne.commanded_mps)} to {speed_text(wanted)}, to keep the planned airspeed in the "
-            f"estimated wind of {speed_text(figures['wind_mean_mps'])}"
+            f"{'estimated' if airborne.measures_wind else 'forecast'} wind of {speed_text(figures['wind_mean_mps'])}"
         )
         return Decision("speed", reason, figures, speed_mps=round(wanted, 1))
 

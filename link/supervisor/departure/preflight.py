@@ -145,15 +145,23 @@ def _position(ctx: Context, service: DroneService) -> Iterator[Check]:
 
 
 def _battery(ctx: Context, service: DroneService) -> Check:
-    decided = ctx.delivery.charge_to if ctx.delivery.least_soc is None else ctx.delivery.least_soc
-    wanted = service.soc_depart if decided is None else decided
+    least, planned = ctx.delivery.least_soc, ctx.delivery.charge_to
+    wanted = least if least is not None else service.soc_depart if planned is None else planned
     if not math.isfinite(ctx.battery.soc) or (
         ctx.observed.sample is not None and not math.isfinite(ctx.observed.sample.soc)
     ):
         return Check(
             "battery", "unknown", "the drone does not report its state of charge: check its battery monitor", waits=True
         )
-    said = f"{percent(ctx.battery.soc)}, {percent(wanted)} needed to fly to {service.destination}"
+    reserve = percent(ctx.request.reserve_soc)
+    what = (
+        f"the flight to {service.destination}, the reserve of {reserve}, and a divert station in reach at every point"
+        if least is not None
+        else f"the flight to {service.destination}, as planned"
+    )
+    said = f"{percent(ctx.battery.soc)}, {percent(wanted)} needed: {what}"
+    if wanted - SOC_SLACK <= ctx.battery.soc < wanted:
+        said += f"; less by up to {100.0 * SOC_SLACK:g} points is enough: the charge is reported in whole percent"
     doubt = ctx.vehicle.live.doubts.get("soc")
     if doubt is not None and ("stuck" in doubt or "know" in doubt):
         return Check("battery", "unknown", f"the reported charge: {doubt}", waits=True)

@@ -48,7 +48,7 @@ def test_a_dispatched_drone_that_stood_for_a_while_takes_off_with_what_its_leg_n
     assert stage.composition.services[0].soc_depart == pytest.approx(0.9)
     assert stage.fly().delivered
     (battery,) = {one.data["said"] for one in events(stage, "check") if one.data["name"] == "battery"}
-    have, wanted = (float(one.split(" %")[0]) for one in battery.split(", "))
+    have, wanted = (float(one.split(" %")[0]) for one in battery.split(", ")[:2])
     assert wanted < have < 85.0
 
 
@@ -115,6 +115,22 @@ def test_what_was_set_is_put_back_by_a_resume_after_a_crash(tmp_path):
     assert outcome.delivered, outcome
     assert held(stage) == before
     assert not changes_of(read_journal(stage.journal_path).records).before
+
+
+def test_the_battery_check_says_what_the_charge_is_for_and_how_exactly_it_is_reported(tmp_path):
+    """It said "ok: 95 %, 96 % needed", and 59 % for a leg that takes 18 %, without a word more."""
+    stage = Stage(Story(**SHORT), tmp_path)
+    answering(stage, "yes")
+    said = []
+
+    def short(ctx):
+        if ctx.delivery.least_soc is not None and ctx.delivery.flight == 0:
+            ctx.delivery.least_soc = ctx.battery.soc + 0.01
+
+    assert stage.fly(on_tick=short).delivered
+    said = [one.data["said"] for one in events(stage, "check") if one.data["name"] == "battery"]
+    assert all("needed: the flight to" in one and "the reserve of 20 %, and a divert station" in one for one in said)
+    assert any("less by up to 1.5 points is enough: the charge is reported in whole percent" in one for one in said)
 
 
 @pytest.mark.parametrize("later_s", [0.0, 7200.0])

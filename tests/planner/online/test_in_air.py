@@ -247,3 +247,12 @@ def test_a_wind_in_which_it_could_not_have_come_here_turns_no_flight(policy):
     )
     figures = policy.in_air(known_at(0.1, 0.95, both, SURE)).figures
     assert figures["p_below_reserve"] < 0.001
+
+
+@pytest.mark.parametrize("measures", [True, False])
+def test_a_wind_that_was_not_measured_is_called_a_forecast(policy, measures):
+    """The status line said that the wind was not measured, the reason beside it that it was estimated."""
+    known = known_at(0.3, 0.8, wind(8.0, 20.0), measures_wind=measures)
+    decision = policy.in_air(known)
+    assert decision.action == "speed"
+    assert f"in the {'estimated' if measures else 'forecast'} wind of 8.0 m/s" in decision.reason
