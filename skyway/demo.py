@@ -170,14 +170,16 @@ def tell_end(options: DemoOptions, outcome: Outcome) -> list[str]:
     """Return the last lines: how it ended, and where to look."""
     from skyway.link.supervisor import read_journal
     from skyway.report.report import write_report
+    from skyway.scenarios import load_scenario
 
+    zone = ZoneInfo(load_scenario(None).timezone)
     journal = options.folder / "journal.jsonl"
     records = read_journal(journal).records
     decided = [r for r in records if r.event == "decision"]
     turned = [r for r in decided if r.data.get("new_plan") or r.data.get("action") in ("station", "charge", "divert")]
     times = "once" if len(turned) == 1 else f"{len(turned)} times"
     lines = [f"replanned {times}, with measurements from the flight:"] if turned else []
-    lines += [f"  {r.time[11:19]}  {r.data['action']}: {r.reason}" for r in turned]
+    lines += [f"  {zone_clock(from_posix(r.time_s), zone)}  {r.data['action']}: {r.reason}" for r in turned]
     report = options.folder / "report.html"
     write_report(journal, report, force=True)
     seen = [str(report), str(options.folder / "plan.json"), str(journal)]
