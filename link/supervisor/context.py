@@ -101,8 +101,7 @@ class Context:
 
     def delivers_at(self, station: str | None) -> bool:
         """Whether the package is to be delivered at a station."""
-        hands_over = self.job.hands_over and self.job.work is None
-        return hands_over and self.delivery.onward is None and station == self.job.request.destination
+        return self.job.delivers and self.delivery.onward is None and station == self.job.request.destination
 
     # Values of the parts that many states read
 

@@ -81,6 +81,11 @@ class DeliveryJob:
     """Store of the checks of calibration and health, which each vehicle needs once a day; None: no checks."""
 
     @property
+    def delivers(self) -> bool:
+        """Whether a package is to be handed over: not on a flight that only moves the drone, or of a cut mission."""
+        return self.hands_over and self.work is None
+
+    @property
     def onward(self) -> DroneService | None:
         """Flight from the target that belongs to the same mission: if the package is released in the air, else None."""
         way = self.composition.way_back

@@ -126,6 +126,7 @@ class Supervisor:
             destination=job.request.destination,
             reserve_soc=job.request.reserve_soc,
             payload_kg=job.request.payload_kg,
+            hands_over=job.delivers,
         )
 
     def run(self) -> Outcome:

@@ -53,7 +53,7 @@ def flight_report(records: tuple[Record, ...], plan: dict[str, Any] | None = Non
     start = entries.Start.read(records[0].data)
     planned = plan or start.composition
     series = series_of(records)
-    legs, outcome = _legs(records, series), _outcome(records)
+    legs, outcome = _legs(records, series), _outcome(records, start)
     stops = _stops(records, start, outcome)
     decisions = [
         Decision(
@@ -110,19 +110,22 @@ def _delivery(records: tuple[Record, ...], start: entries.Start, planned: dict[s
         asking=start.asking,
         forecast=start.forecast,
         scenario=Scenario(path=of.text(scenario, "path"), sha256=of.text(scenario, "sha256")),
+        hands_over=start.delivers,
     )
 
 
-def _outcome(records: tuple[Record, ...]) -> Result:
+def _outcome(records: tuple[Record, ...], start: entries.Start) -> Result:
     last = records[-1]
     end = last.entry(entries.Ended)
     state = (None if end is None else end.outcome) or last.state
     proof, why = _proof(records)
+    handed_over = _handed_over_s(records) is not None and proof != "not delivered"
+    arrived = end is not None and (state in {"delivered", "done"} or handed_over)
     return Result(
         ended=end is not None,
         state=state,
-        delivered=end is not None
-        and (state == "delivered" or (_handed_over_s(records) is not None and proof != "not delivered")),
+        arrived=arrived,
+        delivered=arrived and start.delivers,
         reason=_reason(records, ended=end is not None),
         station=_last_station(records) if end is None else end.station,
         time=last.time,
@@ -324,7 +327,7 @@ def _stops(records: tuple[Record, ...], start: entries.Start, outcome: Result) -
             stops[-1] = replace(stops[-1], soc_from=point.soc)
     if stops[-1].leave_s is None:
         stops[-1] = _counted(stops[-1], entered, times[-1])
-        if len(stops) > 1 and outcome.delivered:
+        if len(stops) > 1 and outcome.arrived:
             stops.pop()
     return stops if (stops[0].wait_s or 0.0) + (stops[0].charge_s or 0.0) > 0.0 else stops[1:]
 

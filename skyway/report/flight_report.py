@@ -35,13 +35,19 @@ class Delivery(msgspec.Struct, frozen=True, kw_only=True, rename={"origin": "fro
     asking: str | None
     forecast: parts.Forecast
     scenario: Scenario
+    hands_over: bool
+    """A package was to be handed over; otherwise the flight only moved the drone, or did the work of a mission."""
 
 
 class Result(msgspec.Struct, frozen=True, kw_only=True):
-    """The outcome, or that there is none yet; `resumed`: number of resumes."""
+    """The outcome, or that there is none yet.
+
+    `arrived`: it ended as intended; `delivered`: with a package handed over; `resumed`: number of resumes.
+    """
 
     ended: bool
     state: str
+    arrived: bool
     delivered: bool
     reason: str | None
     station: str | None

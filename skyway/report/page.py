@@ -32,12 +32,11 @@ if TYPE_CHECKING:
 _MAX_EVENTS = 2_000
 _MARKED = {"ok": "ok", "no": "no"}
 """CSS class of a verdict."""
-_ENDS = {
-    "delivered": "Delivered",
-    "stopped-safe": "Not delivered: stopped, safe on the ground",
-    "landed-elsewhere": "Not delivered: landed away from a station",
-    "crashed": "Not delivered: crashed",
-    "left-to-itself": "Not delivered: left to the drone's own failsafes",
+_BAD_ENDS = {
+    "stopped-safe": "stopped, safe on the ground",
+    "landed-elsewhere": "landed away from a station",
+    "crashed": "crashed",
+    "left-to-itself": "left to the drone's own failsafes",
 }
 
 
@@ -94,13 +93,21 @@ def _headline(document: FlightReport) -> str:
     outcome = document.outcome
     if not outcome.ended:
         return f"Not ended: the journal breaks off in the state {outcome.state}"
-    return _ENDS.get(outcome.state, f"Ended in state {outcome.state}")
+    delivers = document.delivery.hands_over
+    if outcome.state == "delivered":
+        return "Delivered" if delivers else "Arrived, without a package to deliver"
+    if outcome.state == "done":
+        return "Work done"
+    end = _BAD_ENDS.get(outcome.state)
+    if end is None:
+        return f"Ended in state {outcome.state}"
+    return f"{'Not delivered' if delivers else 'Not arrived'}: {end}"
 
 
 def _head(document: FlightReport) -> str:
     delivery, outcome = document.delivery, document.outcome
     planned, actual = document.totals.planned, document.totals.actual
-    good = "good" if outcome.delivered else "bad"
+    good = "good" if outcome.arrived else "bad"
     what = [delivery.drone_name or delivery.drone or "drone unknown", mass_text(delivery.payload_kg)]
     what += [f"planner {delivery.planner or UNKNOWN}", delivery.vehicle or "vehicle unknown"]
     if outcome.resumed:
@@ -127,14 +134,14 @@ def _head(document: FlightReport) -> str:
 
 
 def _expectation(document: FlightReport) -> str:
-    """Say how long it took beside what was expected: on average, and by when half and 95 % of such deliveries arrive."""
+    """Say how long it took beside what was expected: on average, and by when half and 95 % of such flights arrive."""
     planned, actual = document.totals.planned, document.totals.actual
     arrives = (planned.arrive_mean_s, planned.arrive_p50_s, planned.arrive_p95_s)
     begun, known = planned.depart_s, [at_s for at_s in arrives if at_s is not None]
     if begun is None or len(known) < len(arrives):
         return "The expected time is unknown."
     mean, half, most = (duration(at_s - begun) for at_s in known)
-    took = actual.delivery_s if document.outcome.delivered else None
+    took = actual.delivery_s if document.outcome.arrived else None
     arrived = "It did not arrive" if took is None else f"It took {duration(took)}"
     return f"{arrived}; expected at the first plan: {mean} on average, half within {half}, 95 % within {most}."
 

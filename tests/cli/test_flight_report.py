@@ -1,5 +1,6 @@
 """The report of a flight says what the journal says, whatever the journal is, and needs nothing but itself."""
 
+import dataclasses
 import html
 import itertools
 import json
@@ -23,6 +24,7 @@ from skyway.models.base.formatting import duration
 from skyway.models.base.json_text import plain
 from skyway.report.report import flight, write_report
 from skyway.report.svg import Band, Chart, Course, time_ticks
+from skyway.web.work.history import told
 
 VOID = {"meta"}
 LINKING = {"src", "href", "xlink:href", "action", "data", "poster", "srcset"}
@@ -104,6 +106,37 @@ def changed(flown, folder, change):
     path = folder / "changed.jsonl"
     path.write_text("".join(json.dumps(line) + "\n" for line in lines if line is not None))
     return path
+
+
+class Moved(Stage):
+    """A flight that only moves the drone, as a dispatcher orders it before it fetches a package."""
+
+    def job(self):
+        return dataclasses.replace(super().job(), hands_over=False)
+
+
+def test_a_flight_without_a_package_is_no_delivery_and_keeps_no_promise(flown, tmp_path):
+    stage = Moved(Story(start="bellevue", to="city-hall", traffic=False, supervised=False), tmp_path)
+    assert stage.fly().state == "delivered"
+    moved, delivered = flight(stage.journal_path), flight(flown)
+    assert (moved.delivery.hands_over, moved.outcome.arrived, moved.outcome.delivered) == (False, True, False)
+    assert (delivered.delivery.hands_over, delivered.outcome.arrived, delivered.outcome.delivered) == (True, True, True)
+    rows = [row for path in (stage.journal_path, flown) for row in told(str(path.parent), [(path.name, 0.0)])]
+    assert [row["hands_over"] for row in rows] == [False, True]
+    assert [row["promise_kept"] is None for row in rows] == [True, False]
+    write_report(stage.journal_path, tmp_path / "report.html")
+    assert "Arrived, without a package to deliver" in seen(tmp_path / "report.html").words
+
+
+@pytest.mark.parametrize(("payload_kg", "delivers"), [(0.0, False), (0.8, True)])
+def test_a_journal_that_does_not_say_so_delivers_what_it_carries(flown, tmp_path, payload_kg, delivers):
+    def older(line):
+        if line["event"] == "start":
+            del line["data"]["hands_over"]
+            line["data"]["payload_kg"] = payload_kg
+        return line
+
+    assert flight(changed(flown, tmp_path, older)).delivery.hands_over is delivers
 
 
 def test_the_document_has_the_figures_of_the_journal(flown, records):

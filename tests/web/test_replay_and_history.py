@@ -105,13 +105,21 @@ def test_the_history_counts_what_the_report_says_and_is_searched(flown, browser,
     capsys.readouterr()
     assert main(["report", str(flown.folder / "journal.jsonl"), "--json"]) in (0, 1)
     report = json.loads(capsys.readouterr().out)
+    first, *others = (flown.folder / "journal.jsonl").read_text().splitlines()
+    start = json.loads(first)
+    start["data"]["hands_over"] = False
+    (flown.folder / "fetched.jsonl").write_text("\n".join([json.dumps(start), *others, ""]))
     with person(browser, flown.address, "/history") as tab:
-        tab.wait_for_selector(".panel table tbody tr")
+        tab.wait_for_selector(".panel table tbody tr:nth-child(2)")
         cells = dict(one.split("\n", 1) for one in tab.locator("dl.figures > div").all_inner_texts())
-        assert cells["deliveries"] == "1 of 1"
-        assert cells["flights"] == str(report["totals"]["actual"]["flights"])
-        assert "of 1 (" in cells["kept of 95 % promises"]
-        assert cells["reserve kept"].endswith("of 1")
+        assert cells["deliveries"] == "1 of 1\nand 1 without a package"
+        assert cells["flights"] == str(2 * report["totals"]["actual"]["flights"])
+        ends = tab.locator(".panel table tbody tr td:nth-child(4)").all_inner_texts()
+        assert sorted(ends) == ["arrived, no package", "delivered"]
+        cut = "all => all.filter((one) => one.scrollWidth > one.clientWidth).map((one) => one.innerText)"
+        assert tab.locator("dl.figures dd").evaluate_all(cut) == []
+        assert "of 1\n" in cells["kept of 95 % promises"]
+        assert cells["reserve kept"].endswith("of 2")
         assert float(cells["energy"].removesuffix(" Wh/km")) > 1.0
         with tab.expect_download() as loading:
             tab.get_by_role("link", name="report of journal.jsonl").click()

@@ -35,6 +35,12 @@ class Start(Entry, frozen=True, kw_only=True, tag="start"):
     destination: str | None
     reserve_soc: Share
     payload_kg: float | None
+    hands_over: bool | None = None
+
+    @property
+    def delivers(self) -> bool:
+        """Whether a package is to be handed over at the end; one whose journal does not say so delivers what it carries."""
+        return self.payload_kg != 0.0 if self.hands_over is None else self.hands_over
 
 
 class Met(Entry, frozen=True, kw_only=True, tag="vehicle"):

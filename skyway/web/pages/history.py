@@ -102,7 +102,7 @@ class HistoryPage:
             low = row["lowest_soc"]
             below = low is not None and row["reserve_soc"] is not None and low < row["reserve_soc"]
             reserve = f"<span class='{'warn' if below else ''}'>{percent(low)}{' (below the reserve)' if below else ''}</span>"
-            state = "<span class='good'>delivered</span>" if row["delivered"] else safe(row["state"])
+            state = f"<span class='good'>{_end(row)}</span>" if row["arrived"] else safe(row["state"])
             link = f'<a href="/replay?log={quote(row["file"])}">{safe(row["file"])}</a>'
             kept_as = f'<a href="/api/report?journal={quote(row["file"])}" download>report<span class="only-heard"> of {safe(row["file"])}</span></a>'
             rows.append(
@@ -111,7 +111,7 @@ class HistoryPage:
                 f"<td class='n'>{row['decisions']}</td><td>{link}</td><td>{kept_as}</td></tr>"
             )
         head = (
-            "<tr><th>departure</th><th>delivery</th><th>drone</th><th>end</th><th class='n'>flights</th><th class='n'>took</th><th>promise (95 %)</th>"
+            "<tr><th>departure</th><th>from &gt; to</th><th>drone</th><th>end</th><th class='n'>flights</th><th class='n'>took</th><th>promise (95 %)</th>"
             "<th class='n'>lowest charge</th><th class='n'>decisions</th><th>journal</th><th>report</th></tr>"
         )
         return (
@@ -137,10 +137,17 @@ def _reports(found: list[dict[str, Any]]) -> str:
     return f"<h2>Reports in the folder</h2><table>{head}<tbody>{rows}</tbody></table>" if found else ""
 
 
-def _share(found: list[dict[str, Any]], name: str) -> str:
-    """Number of kept promises, for comparison with the promised share."""
+def _end(row: dict[str, Any]) -> str:
+    """How a flight ended that went as intended."""
+    if row["delivered"]:
+        return "delivered"
+    return "work done" if row["state"] == "done" else "arrived, no package"
+
+
+def _share(found: list[dict[str, Any]], name: str) -> tuple[str, str]:
+    """Number of kept promises, and its share for comparison with the promised one."""
     known = [row[name] for row in found if row[name] is not None]
-    return f"{sum(known)} of {len(known)} ({percent(sum(known) / len(known))})" if known else "none given"
+    return (f"{sum(known)} of {len(known)}", percent(sum(known) / len(known))) if known else ("none given", "")
 
 
 def _totals(found: list[dict[str, Any]], wanted: Preferences) -> str:
@@ -149,19 +156,21 @@ def _totals(found: list[dict[str, Any]], wanted: Preferences) -> str:
     ]
     lows = [row["lowest_soc"] for row in found if row["lowest_soc"] is not None]
     energy = energy_per_km(found)
+    delivered = [row["delivered"] for row in found if row["hands_over"]]
+    others = len(found) - len(delivered)
     cells = [
-        ("deliveries", f"{sum(row['delivered'] for row in found)} of {len(found)}"),
-        ("flights", str(sum(row["flights"] for row in found))),
-        ("in the air", duration(sum(row["flight_s"] or 0.0 for row in found))),
-        ("way flown", wanted.in_words(distance_text(sum(row["flown_m"] for row in found)))),
-        ("energy", "unknown" if energy is None else f"{energy:.1f} Wh/km"),
-        ("kept of 95 % promises", _share(found, "promise_kept")),
-        ("kept of 50 % promises", _share(found, "half_kept")),
-        ("lowest charge", percent(min(lows)) if lows else "unknown"),
-        ("reserve kept", f"{sum(low >= reserve for low, reserve in kept)} of {len(kept)}"),
+        ("deliveries", f"{sum(delivered)} of {len(delivered)}", f"and {others} without a package" if others else ""),
+        ("flights", str(sum(row["flights"] for row in found)), ""),
+        ("in the air", duration(sum(row["flight_s"] or 0.0 for row in found)), ""),
+        ("way flown", wanted.in_words(distance_text(sum(row["flown_m"] for row in found))), ""),
+        ("energy", "unknown" if energy is None else f"{energy:.1f} Wh/km", ""),
+        ("kept of 95 % promises", *_share(found, "promise_kept")),
+        ("kept of 50 % promises", *_share(found, "half_kept")),
+        ("lowest charge", percent(min(lows)) if lows else "unknown", ""),
+        ("reserve kept", f"{sum(low >= reserve for low, reserve in kept)} of {len(kept)}", ""),
     ]
-    return (
-        f"<dl class='figures'>{''.join(f'<div><dt>{name}</dt><dd>{safe(value)}</dd></div>' for name, value in cells)}</dl>"
-        if found
-        else ""
+    figures = "".join(
+        f"<div><dt>{name}</dt><dd>{safe(value)}{f'<span class=small>{safe(small)}</span>' if small else ''}</dd></div>"
+        for name, value, small in cells
     )
+    return f"<dl class='figures'>{figures}</dl>" if found else ""

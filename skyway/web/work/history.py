@@ -15,7 +15,7 @@ from skyway.models.base.geodesy import distance_m
 from skyway.models.base.units import J_PER_WH
 
 if TYPE_CHECKING:
-    from skyway.report.flight_report import Result
+    from skyway.report.flight_report import FlightReport
 
 HEAD = 4096
 """Bytes of a page with its generator and its title."""
@@ -48,12 +48,12 @@ def _row(root: str, name: str, changed_s: float) -> dict[str, Any] | None:  # no
     return {
         "file": name, "from": wanted.origin or "", "to": wanted.destination or "", "drone": wanted.drone or "",
         "payload_kg": wanted.payload_kg, "planner": wanted.planner or "", "state": report.outcome.state, "reason": report.outcome.reason or "",
-        "delivered": report.outcome.delivered, "ended": report.outcome.ended, "depart_s": totals.actual.depart_s,
+        "hands_over": wanted.hands_over, "arrived": report.outcome.arrived, "delivered": report.outcome.delivered, "ended": report.outcome.ended, "depart_s": totals.actual.depart_s,
         "flight_s": totals.actual.flight_s, "delivery_s": totals.actual.delivery_s, "flights": totals.actual.flights or 0,
         "lowest_soc": totals.actual.lowest_soc, "reserve_soc": wanted.reserve_soc,
         "flown_m": flown_m, "measured_m": measured_m, "energy_j": energy_j,
-        "half_kept": _kept(totals.planned.arrive_p50_s, arrived_s, report.outcome),
-        "promise_kept": _kept(totals.planned.arrive_p95_s, arrived_s, report.outcome),
+        "half_kept": _kept(totals.planned.arrive_p50_s, arrived_s, report),
+        "promise_kept": _kept(totals.planned.arrive_p95_s, arrived_s, report),
         "decisions": len(report.decisions), "resumed": report.outcome.resumed,
     }  # fmt: skip
 
@@ -73,11 +73,11 @@ def reports(root: str, names: list[str]) -> list[dict[str, str]]:
     return found
 
 
-def _kept(promised_s: float | None, arrived_s: float | None, outcome: Result) -> bool | None:
-    """Whether a promise was kept; not if the delivery failed, unknown while it is in progress."""
-    if promised_s is None or not outcome.ended:
+def _kept(promised_s: float | None, arrived_s: float | None, report: FlightReport) -> bool | None:
+    """Whether a promise was kept; not if the delivery failed, unknown while it is in progress, none without a package."""
+    if promised_s is None or not report.outcome.ended or not report.delivery.hands_over:
         return None
-    return outcome.delivered and arrived_s is not None and arrived_s <= promised_s
+    return report.outcome.delivered and arrived_s is not None and arrived_s <= promised_s
 
 
 def flown(track: dict[str, list[Any]]) -> tuple[float, float, float]:
