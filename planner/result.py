@@ -51,6 +51,11 @@ class PlanResult:
     complete: bool = True
     robust: RobustAnswer | None = None
 
+    @property
+    def mean_energy_j(self) -> float | None:
+        """Mean energy of the flights over the simulated deliveries of ``robust``, beside `Composition.energy_j` of the typical schedule; None without it."""
+        return None if self.robust is None else self.robust.out_of_sample.charge_used * self.problem.drone.battery_j
+
     def __repr__(self) -> str:
         return f"PlanResult({self.composition})"
 

@@ -83,7 +83,7 @@ def _facts(c: Composition, zone: ZoneInfo) -> str:
         ("Drone", f"{c.drone_parameters.get('name', c.drone)} ({c.drone})"),
         ("Package", f"{c.payload_kg:g} kg"),
         ("Airspeed, height", f"{c.airspeed_mps:g} m/s, {c.cruise_height_m:g} m above ground"),
-        ("Distance, energy", f"{distance_text(c.distance_m)}, {energy_text(c.energy_j)}"),
+        ("Distance, energy, typically", f"{distance_text(c.distance_m)}, {energy_text(c.energy_j)}"),
         ("Lowest charge", f"{percent(c.min_soc)}; reserve {percent(c.reserve_soc, None)}"),
     ]
     if c.success is not None:

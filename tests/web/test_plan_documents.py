@@ -11,6 +11,7 @@ import pytest
 from skyway.cli.main import main
 from skyway.models.terrain.files import read_terrain
 from skyway.web import drawn
+from skyway.web.pages.plan_answer import figures
 from skyway.web.preferences import Preferences
 from skyway.web.work.exports import export, opened
 from skyway.web.work.planned import plan
@@ -46,6 +47,22 @@ def test_a_round_is_planned_as_by_the_command_and_asked_again_from_its_file(caps
     same = plan(None, msgspec.to_builtins(msgspec.structs.replace(again, wind=question.wind)))["plans"][0]
     assert same["mean_s"] == shown["mean_s"]
     assert same["bars"] == shown["bars"]
+
+
+def test_the_page_and_the_command_name_the_same_energies(capsys):
+    question = Question(start="bellevue", to="jacobi", payload="0.8", depart="2013-07-10T14:00-04:00")
+    shown = plan(None, msgspec.to_builtins(question))["plans"][0]
+    words = [one for one in shlex.split(question.command(None)) if one not in {"skyway", "--explain"}]
+    assert main([*words, "--json"]) == 0
+    assert shown["energy_wh"] == pytest.approx(json.loads(capsys.readouterr().out)["energy_wh"], abs=0.05)
+    assert main(words) == 0
+    told = capsys.readouterr().out
+    tiles = figures(shown, Preferences())
+    typically, on_average = f"{shown['energy_wh']:.0f} Wh", f"{shown['energy_mean_wh']:.0f} Wh"
+    assert typically != on_average
+    assert f"<dt>energy, typically</dt><dd>{typically}<span class='small'>{on_average} on average; " in tiles
+    (line,) = [one for one in told.splitlines() if one.startswith("Typical total:")]
+    assert f"{typically} ({on_average} on average)" in line
 
 
 def test_the_ground_of_the_map_is_that_of_the_terrain_model(hills):

@@ -199,8 +199,9 @@ def _print_totals(report: PlanReport, zone: ZoneInfo) -> None:
     parts = [f"flight {duration(c.flight_time_s)}"]
     if c.recharge_time_s or c.wait_time_s:
         parts += [f"wait {duration(c.wait_time_s)}", f"recharge {duration(c.recharge_time_s)}"]
+    mean = "" if result.mean_energy_j is None else f" ({energy_text(result.mean_energy_j)} on average)"
     say(
-        f"Total: {', '.join(parts)}; {distance_text(c.distance_m)}, {energy_text(c.energy_j)}, "
+        f"Typical total: {', '.join(parts)}; {distance_text(c.distance_m)}, {energy_text(c.energy_j)}{mean}, "
         f"lowest charge {percent(c.min_soc)} (reserve {percent(c.reserve_soc, None)})"
     )
     say("Wind: mean and 80 % range of the speed at the place, time and height of the flight; tail and cross: averages")

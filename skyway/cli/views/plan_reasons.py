@@ -65,7 +65,9 @@ def _print_alternatives(result: PlanResult, plans: Sequence[PlanResult]) -> None
         Column("on average", "min"),
         Column("95 % within", "min"),
     ]
-    sheet = Sheet([*columns, Column("reserve", "kept", words="reserve kept {}"), Column("energy", "Wh")], names=2)
+    sheet = Sheet(
+        [*columns, Column("reserve", "kept", words="reserve kept {}"), Column("energy on average", "Wh")], names=2
+    )
     for number, plan in enumerate(plans):
         stops = stop_names(plan.robust.candidates[0]) if plan.robust else plan.composition.route[1:-1]
         sheet.add(
@@ -74,16 +76,10 @@ def _print_alternatives(result: PlanResult, plans: Sequence[PlanResult]) -> None
             minutes(plan.outcome.delivery),
             minutes(promised(plan.outcome.delivery_quantile(0.95))[0]).split(" ± ", maxsplit=1)[0],
             share(plan.outcome.success),
-            f"{_energy_wh(plan):.0f}",
+            "" if plan.mean_energy_j is None else f"{plan.mean_energy_j / J_PER_WH:.0f}",
         )
     say("Alternatives, each better than the others in some respect (1 is the plan above):")
     sheet.show()
-
-
-def _energy_wh(plan: PlanResult) -> float:
-    if plan.robust is None:
-        return plan.composition.energy_j / J_PER_WH
-    return plan.robust.out_of_sample.charge_used * plan.problem.drone.battery_j / J_PER_WH
 
 
 def _print_reasons(result: PlanResult, reasons: Sequence[StopReason]) -> None:

@@ -135,11 +135,7 @@ def _plan(result: PlanResult, zone: ZoneInfo) -> dict[str, Any]:
         figures += zip(
             ("half within", "95 % within"), promised(arrival.delivery_p50, arrival.delivery_p95), strict=True
         )
-    energy_j = (
-        c.energy_j
-        if result.robust is None
-        else result.robust.out_of_sample.charge_used * result.problem.drone.battery_j
-    )
+    mean_j = result.mean_energy_j
     return {
         "composition": to_json(c),
         "planner": c.planner,
@@ -158,7 +154,8 @@ def _plan(result: PlanResult, zone: ZoneInfo) -> dict[str, Any]:
         "kept": None if c.success is None else share(c.success),
         "reserve": percent(c.reserve_soc, None),
         "reserve_soc": c.reserve_soc,
-        "energy_wh": round(energy_j / J_PER_WH, 1),
+        "energy_wh": round(c.energy_wh, 1),
+        "energy_mean_wh": None if mean_j is None else round(mean_j / J_PER_WH, 1),
         "spending": _spending(c),
         "distance_m": c.distance_m,
         "never": None if outcome.p_arrive > 1.0 - 1e-9 else percent(1.0 - outcome.p_arrive, 1),
