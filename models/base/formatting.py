@@ -275,7 +275,17 @@ def minute_clock(instant: datetime, zone: tzinfo) -> str:
 
 def utc_clock(at_s: float | None) -> str:
     """Return the time of day in UTC of POSIX seconds: ``18:03:22``."""
-    return UNKNOWN if at_s is None else f"{datetime.fromtimestamp(at_s, UTC):%H:%M:%S}"
+    return local_clock(at_s, UTC)
+
+
+def local_clock(at_s: float | None, zone: tzinfo) -> str:
+    """Return the time of day in a zone of POSIX seconds: ``14:03:22``."""
+    return UNKNOWN if at_s is None else f"{datetime.fromtimestamp(at_s, zone):%H:%M:%S}"
+
+
+def zone_name(at_s: float, zone: tzinfo) -> str:
+    """Return the name of a zone at POSIX seconds: ``EDT``."""
+    return f"{datetime.fromtimestamp(at_s, zone):%Z}"
 
 
 def date_clock(instant: datetime, zone: tzinfo = UTC, *, named: bool = False) -> str:

@@ -27,7 +27,7 @@ def charts(document: FlightReport) -> list[Chart]:
         return []
     flights = [(leg.depart_s, leg.land_s if leg.land_s is not None else span[1]) for leg in document.legs]
     turns = [(d.time_s, d.reason or "") for d in document.decisions if d.where == "flight"]
-    plain = Chart("", "", begin_s=span[0], end_s=span[1], spans=flights)
+    plain = Chart("", "", begin_s=span[0], end_s=span[1], spans=flights, zone=document.zone)
     broad = replace(plain, turns=turns, width=BROAD)
     return [
         _charge(document, broad),

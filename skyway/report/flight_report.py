@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
+from zoneinfo import ZoneInfo
 
 import msgspec
+
+from skyway.models.base.formatting import zone_name
 
 if TYPE_CHECKING:
     from skyway.link.supervisor.journal import parts
@@ -245,6 +248,8 @@ class FlightReport(msgspec.Struct, frozen=True, kw_only=True):
     """What was planned and what happened."""
 
     schema: str
+    timezone: str = "UTC"
+    """In which the page tells the times: that of the scenario, where it is known."""
     delivery: Delivery
     outcome: Result
     planned: Planned
@@ -261,3 +266,14 @@ class FlightReport(msgspec.Struct, frozen=True, kw_only=True):
     aircraft: list[AircraftSeen] = []
     remote_id: RemoteIdSeen | None = None
     sources: Sources | None = None
+
+    @property
+    def zone(self) -> ZoneInfo:
+        """In which times are told."""
+        return ZoneInfo(self.timezone)
+
+    @property
+    def zone_name(self) -> str:
+        """Its name at the time of the flight: ``EDT``."""
+        at_s = min((leg.depart_s for leg in self.legs), default=self.totals.planned.depart_s)
+        return self.timezone if at_s is None else zone_name(at_s, self.zone)

@@ -6,16 +6,19 @@ from importlib import resources
 from typing import TYPE_CHECKING
 
 from skyway import __version__
+from skyway.link.supervisor.journal import fields as of
 from skyway.models.base.formatting import (
     UNKNOWN,
     counter,
+    date_clock,
     distance_text,
     duration,
+    local_clock,
     mass_text,
     percent,
     speed_text,
-    utc_clock,
 )
+from skyway.models.base.units import from_posix
 from skyway.report.charts import charts
 from skyway.report.heights import drawn_heights
 from skyway.report.map import drawn_map
@@ -122,12 +125,13 @@ def _head(document: FlightReport) -> str:
         f"<div><dt>{name}</dt><dd><b>{safe(show(getattr(actual, key)))}</b><span>typical schedule {safe(show(getattr(planned, key)))}</span></dd></div>"
         for name, key, show in lines
     )
-    last = document.outcome.time
+    last = of.instant_s(document.outcome.time)
+    ended = UNKNOWN if last is None else date_clock(from_posix(last), document.zone, named=True)
     proof = f"<p>Package {safe(outcome.proof)}: {safe(outcome.proof_reason or '')}</p>" if outcome.proof else ""
     return (
         f'<header><span class="badge {good}">{safe(_headline(document))}</span>'
         f"<h1>{safe(delivery.origin or UNKNOWN)} to {safe(delivery.destination or UNKNOWN)}</h1>"
-        f"<p>{safe(outcome.reason or 'no reason recorded')} ({safe(where)}, {safe(last[:10])} {safe(last[11:19])} UTC)</p>"
+        f"<p>{safe(outcome.reason or 'no reason recorded')} ({safe(where)}, {safe(ended)})</p>"
         f"{proof}<p><b>{safe(_expectation(document))}</b></p>"
         f'<p class="soft">{safe(", ".join(what))}</p><dl class="totals">{cells}</dl></header>'
     )
@@ -156,7 +160,11 @@ def _story(document: FlightReport) -> str:
         if event.event != "decision" and not told_already:
             lines.append((event.time_s, words))
     speeds = sum(1 for d in document.decisions if d.action == "speed")
-    told = rows(("at", "what and why"), [(utc_clock(at_s), text) for at_s, text in sorted(lines)], "tw")
+    told = rows(
+        (f"at, {document.zone_name}", "what and why"),
+        [(local_clock(at_s, document.zone), text) for at_s, text in sorted(lines)],
+        "tw",
+    )
     if not lines:
         told = '<p class="none">Nothing: the first plan was flown.</p>'
     sent = "once" if speeds == 1 else f"{speeds} times"
@@ -197,7 +205,7 @@ def _legs(document: FlightReport) -> str:
             to += f", landed at {leg.landed_at or 'an unknown place'}"
         body.append(
             (
-                str(leg.flight), leg.origin or UNKNOWN, to, utc_clock(leg.depart_s), counter(leg.flight_s),
+                str(leg.flight), leg.origin or UNKNOWN, to, local_clock(leg.depart_s, document.zone), counter(leg.flight_s),
                 f"({counter(leg.planned_s)})", percent(leg.soc_depart), percent(leg.soc_land),
                 f"({percent(leg.planned_soc)})", percent(leg.used_soc), f"({percent(leg.modelled_soc)})",
                 distance_text(leg.most_cross_track_m), ", ".join(leg.diverts) or "none",
@@ -247,7 +255,7 @@ def _stops(document: FlightReport) -> str:
             planned.remove(was)  # a station may be landed at twice
         body.append(
             (
-                stop.station or UNKNOWN, utc_clock(stop.arrive_s), utc_clock(stop.leave_s), counter(stop.wait_s),
+                stop.station or UNKNOWN, local_clock(stop.arrive_s, document.zone), local_clock(stop.leave_s, document.zone), counter(stop.wait_s),
                 "no stop" if was is None else counter(was.wait_s), counter(stop.charge_s),
                 "no stop" if was is None else counter(was.charge_s),
                 f"{percent(stop.soc_from)} > {percent(stop.soc_to)}",
@@ -260,23 +268,30 @@ def _stops(document: FlightReport) -> str:
 def _decisions(document: FlightReport) -> str:
     body = [
         (
-            utc_clock(d.time_s), str(d.flight), d.where or UNKNOWN, d.action or UNKNOWN, d.reason or "none",
+            local_clock(d.time_s, document.zone), str(d.flight), d.where or UNKNOWN, d.action or UNKNOWN, d.reason or "none",
             percent(d.figures.get("soc")), percent(d.figures.get("soc_land", d.figures.get("planned_soc"))),
         )
         for d in document.decisions
     ]  # fmt: skip
-    return rows(("at", "flight", "on", "decided", "because", "charge", "charge needed, or at landing"), body, "tnttwnn")
+    return rows(
+        (f"at, {document.zone_name}", "flight", "on", "decided", "because", "charge", "charge needed, or at landing"),
+        body,
+        "tnttwnn",
+    )
 
 
 def _plans(document: FlightReport) -> str:
-    body = [(utc_clock(p.time_s), " > ".join(p.route) or "no plan", p.reason or "none") for p in document.plans]
-    return rows(("at", "route", "because"), body, "tww")
+    body = [
+        (local_clock(p.time_s, document.zone), " > ".join(p.route) or "no plan", p.reason or "none")
+        for p in document.plans
+    ]
+    return rows((f"at, {document.zone_name}", "route", "because"), body, "tww")
 
 
 def _seen(document: FlightReport) -> str:
-    aircraft = [(utc_clock(one.time_s), str(one.flight), one.said) for one in document.aircraft]
+    aircraft = [(local_clock(one.time_s, document.zone), str(one.flight), one.said) for one in document.aircraft]
     told = (
-        rows(("at", "flight", "other aircraft"), aircraft, "tnw")
+        rows((f"at, {document.zone_name}", "flight", "other aircraft"), aircraft, "tnw")
         if aircraft
         else '<p class="none">No other aircraft came near, as far as the receiver of the drone heard.</p>'
     )
@@ -293,7 +308,7 @@ def _preflights(document: FlightReport) -> str:
             for check in entry.checks
         ]
         parts.append(
-            f"<details><summary>{utc_clock(entry.time_s)}, before flight {entry.flight + 1}: "
+            f"<details><summary>{local_clock(entry.time_s, document.zone)}, before flight {entry.flight + 1}: "
             f"{safe(entry.reason or UNKNOWN)}</summary>"
             f'<div class="wide"><table><tbody>{"".join(lines)}</tbody></table></div></details>'
         )
@@ -302,9 +317,11 @@ def _preflights(document: FlightReport) -> str:
 
 def _events(document: FlightReport) -> str:
     events = document.events
-    body = [(str(e.n), utc_clock(e.time_s), e.state, e.event, e.reason or "") for e in events[:_MAX_EVENTS]]
+    body = [
+        (str(e.n), local_clock(e.time_s, document.zone), e.state, e.event, e.reason or "") for e in events[:_MAX_EVENTS]
+    ]
     more = "" if len(events) <= _MAX_EVENTS else f"<p>{len(events) - _MAX_EVENTS} more are in the journal.</p>"
-    table = rows(("n", "at", "state", "event", "what"), body, "ntttw")
+    table = rows(("n", f"at, {document.zone_name}", "state", "event", "what"), body, "ntttw")
     return f"<details><summary>{len(events)} events, without telemetry</summary>{table}{more}</details>"
 
 
@@ -317,6 +334,6 @@ def _foot(document: FlightReport) -> str:
     if members is not None:
         told.append(f"forecast of {members} members")
     return (
-        f"<footer>Made by skyway {safe(__version__)} from {safe(', '.join(told))}. Times are UTC; wind directions are those the wind comes from. "
+        f"<footer>Made by skyway {safe(__version__)} from {safe(', '.join(told))}. Times are {safe(document.zone_name)}; wind directions are those the wind comes from. "
         "Values missing in the journal are shown as unknown.</footer>"
     )

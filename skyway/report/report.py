@@ -64,6 +64,8 @@ def write_report(
     """
     document = flight(journal, logs=logs, plan=plan)
     scenario = scenario or _built_in(document)
+    if scenario is not None:
+        document = replace(document, timezone=scenario.timezone)
     zones = None if scenario is None else _zones(scenario)
     for one in () if scenario is None else scenario.network.stations:  # beside those that the plan names
         if one.flyover:

@@ -5,11 +5,14 @@ from __future__ import annotations
 import html
 import math
 from dataclasses import dataclass, field
-from datetime import UTC, datetime
+from datetime import UTC, datetime, timedelta
 from typing import TYPE_CHECKING
+
+from skyway.models.base.formatting import zone_name
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
+    from datetime import tzinfo
 
 WIDTH, BROAD, HEIGHT = 600.0, 1240.0, 240.0
 _LEFT, _RIGHT, _TOP, _BOTTOM = 58.0, 12.0, 26.0, 40.0
@@ -90,6 +93,8 @@ class Chart:
     """`WIDTH`, or `BROAD` where much happens."""
     spans: Sequence[tuple[float, float]] = ()
     """(begin, end) in POSIX seconds that are shaded: the flights."""
+    zone: tzinfo = UTC
+    """In which the times are told."""
     turns: Sequence[tuple[float, str]] = ()
     """(POSIX seconds, words): upright marks."""
 
@@ -162,13 +167,14 @@ class Chart:
             y = s.y(value)
             parts.append(f'<path class="grid" d="M{_LEFT:g} {y:.1f}H{self.width - _RIGHT:g}"/>')
             parts.append(f'<text x="{_LEFT - 7:g}" y="{y + 4:.1f}" text-anchor="end">{value:.{digits}f}</text>')
-        for at_s, label in time_ticks(s.begin_s, s.end_s, round(self.width / 100.0)):
+        for at_s, label in time_ticks(s.begin_s, s.end_s, round(self.width / 100.0), self.zone):
             x = s.x(at_s)
             parts.append(f'<path class="grid" d="M{x:.1f} {HEIGHT - _BOTTOM:g}v5"/>')
             parts.append(f'<text x="{x:.1f}" y="{HEIGHT - _BOTTOM + 19:g}" text-anchor="middle">{label}</text>')
+        name = zone_name(s.begin_s, self.zone)
         parts.append(f'<text class="axis-name" x="{_LEFT - 7:g}" y="14" text-anchor="end">{safe(self.unit)}</text>')
         parts.append(
-            f'<text class="axis-name" x="{self.width - _RIGHT:g}" y="{HEIGHT - 5:g}" text-anchor="end">time, UTC</text>'
+            f'<text class="axis-name" x="{self.width - _RIGHT:g}" y="{HEIGHT - 5:g}" text-anchor="end">time, {safe(name)}</text>'
         )
         return parts
 
@@ -256,11 +262,12 @@ def nice_step(span: float) -> float:
     return next(m * power for m in (1.0, 2.0, 5.0, 10.0) if m * power >= raw * 0.999)
 
 
-def time_ticks(begin_s: float, end_s: float, most: int = _TICKS) -> list[tuple[float, str]]:
-    """Return instants on round times, with their names in UTC."""
+def time_ticks(begin_s: float, end_s: float, most: int = _TICKS, zone: tzinfo = UTC) -> list[tuple[float, str]]:
+    """Return instants on round times, with their names in a zone."""
+    off_s = (datetime.fromtimestamp(begin_s, zone).utcoffset() or timedelta()).total_seconds()
     span = end_s - begin_s
     step = next((s for s in _STEPS_S if span / s <= most), 86_400 * math.ceil(span / 86_400 / most))
     pattern = "%H:%M:%S" if step < 60 else "%H:%M" if span < 86_400 else "%d %b %H:%M" if step < 86_400 else "%Y-%m-%d"
-    first = math.ceil(begin_s / step) * step
+    first = math.ceil((begin_s + off_s) / step) * step - off_s
     instants = [first + k * step for k in range(int((end_s - first) // step) + 1)]
-    return [(at_s, datetime.fromtimestamp(at_s, UTC).strftime(pattern)) for at_s in instants]
+    return [(at_s, datetime.fromtimestamp(at_s, zone).strftime(pattern)) for at_s in instants]

@@ -199,7 +199,9 @@ def test_the_page_shows_outcome_decisions_checks_and_zones_and_needs_no_network(
     for check in of_kind(records, "preflight")[0].data["checks"]:
         assert check["said"] in told
     assert "no-fly zone" in told  # the built-in scenario's
-    for axis in ("time, UTC", "m/s", "State of charge, %", "two sigma", "true (simulation)", "first plan"):
+    assert "Times are EDT" in told, "the lines of the flight were in the zone of the scenario, its report in UTC"
+    assert "UTC" not in page.words
+    for axis in ("time, EDT", "m/s", "State of charge, %", "two sigma", "true (simulation)", "first plan"):
         assert axis in told
     plotted = re.search(
         r'aria-label="State of charge over time">.*?class="line actual" d="M[\d.]+ ([\d.]+)', report.read_text()
@@ -342,7 +344,7 @@ def test_the_picture_is_one_svg_that_needs_nothing_else(skyway, flown, tmp_path)
     assert skyway("report", str(flown), "--plot", "flight.svg").code == 0
     root = ET.parse(tmp_path / "flight.svg").getroot()
     words = {element.text for element in root.iter() if element.tag.endswith("}text")}
-    assert {"State of charge, %", "Wind at the vehicle, m/s", "bellevue", "city-hall", "time, UTC"} <= words
+    assert {"State of charge, %", "Wind at the vehicle, m/s", "bellevue", "city-hall", "time, EDT"} <= words
     text = (tmp_path / "flight.svg").read_text()
     assert re.findall(r"https?:[^\"]*", text) == ["http://www.w3.org/2000/svg"]
     assert "FILE.svg" in skyway("report", str(flown), "--plot", "flight.png", "--force").err
