@@ -244,7 +244,7 @@ class CsvLog:
         known = {name: ColumnOf(name) for name in QUANTITIES if name in header}
         time = next((name for name in _TIME_NAMES if name in header), None)
         if time is None or not known:
-            remedy = "give a mapping with --columns, see docs/how-to/replay.md"
+            remedy = "name a column as skyway does (docs/how-to/replay.md), or map them for the command skyway replay with --columns"
             raise InputError(Fault("has no known telemetry columns", str(self._path), 1, remedy=remedy))
         return LogColumns(
             time, _TIME_NAMES[time], known, payload=ColumnOf("payload_kg") if "payload_kg" in header else None

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 from skyway.models.base.errors import Fault, InputError
 from skyway.models.base.files import file_error
 from skyway.models.base.lazy import load
+from skyway.models.base.views import counted
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
@@ -17,6 +18,8 @@ if TYPE_CHECKING:
     from skyway.link.logs.csv_log import LogColumns
 
 _LOOK = 65_536
+LAST_S = 4_102_444_800.0
+"""Year 2100: no log was recorded later."""
 
 
 @dataclass(frozen=True)
@@ -122,4 +125,13 @@ def open_log(path: Path, columns: LogColumns | None = None) -> Log:
     """Open and index a log of any format. Raises an `InputError` if the file cannot be read, or is not a log."""
     found = FORMATS[format_of(path)]
     reader: Callable[..., Log] = load(found.reader)
-    return reader(path, columns) if found.takes_columns else reader(path)
+    log = reader(path, columns) if found.takes_columns else reader(path)
+    summary = log.summary
+    noise = summary.skipped_bytes > 0.5 * path.stat().st_size and not found.takes_columns
+    if noise and summary.time_base.absolute and not summary.start_s < LAST_S:
+        valid = counted(summary.messages, "valid message")
+        problem = (
+            f"is not a flight log: {valid}, at an implausible time, and {summary.skipped_bytes} bytes that are none"
+        )
+        raise InputError(Fault(problem, str(path), remedy=titles()))
+    return log

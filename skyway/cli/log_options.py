@@ -54,15 +54,19 @@ def air_of(path: Path | None) -> tuple[DragModel | None, AirspeedModel | None]:
     return found.drag, found.airspeed
 
 
-def drone_of(named: Path) -> Drone:
-    """Read the one drone of a fleet file, or return a built-in drone by its id."""
+def drone_of(named: Path, scenario: str | None = None) -> Drone:
+    """Read the one drone of a fleet file, or return a drone by its id: of the fleet of a scenario, as plans name it, or a built-in one."""
     from skyway.models.drones.drone import BUILT_IN
     from skyway.models.drones.fleet import read_fleet
 
     if str(named) in BUILT_IN:
         return BUILT_IN[str(named)]
     if named.suffix != ".toml" and not named.exists():
-        remedy = "a fleet file, or one of " + ", ".join(BUILT_IN)
+        region = load_named(scenario)
+        if any(drone.id == str(named) for drone in region.drones):
+            return region.drone(str(named))
+        fleet = ", ".join(drone.id for drone in region.drones)
+        remedy = f"a fleet file, or a drone of the scenario {region.name} ({fleet}), or a built-in one ({', '.join(BUILT_IN)})"
         raise InputError("no such drone", field="--drone", value=str(named), remedy=remedy)
     drones = read_fleet(named)
     if len(drones) > 1:
@@ -77,7 +81,7 @@ def load_named(name: str | None) -> Scenario:
 
 
 def log_forecast(
-    log: Log, wind: str | None, file: Sequence[Path] | None, scenario: str | None
+    log: Log, path: Path, wind: str | None, file: Sequence[Path] | None, scenario: str | None
 ) -> tuple[Forecast | None, WindFilterSettings | None]:
     """Forecast for a log, and the wind's deviation from it; None without a forecast, or where that is unknown."""
     if wind is not None:
@@ -91,26 +95,26 @@ def log_forecast(
     from skyway.models.wind.estimation.live import forecast_of, settings_for
 
     world = load_named(scenario)
-    start = from_posix(dated(log))
+    start = from_posix(dated(log, path))
     ensemble = typed_values.wind_forecast(
         world, start, None, file, None, start.astimezone(ZoneInfo(world.timezone)).date()
     )
-    warn_if_far(log, ensemble)
+    warn_if_far(log, ensemble, path)
     rules = world.rules
     aloft = ensemble.at_height(rules.cruise_height_m, rules.wind_profile_exponent)
     return forecast_of(ensemble, rules.wind_profile_exponent), settings_for(aloft)
 
 
-def dated(log: Log) -> float:
+def dated(log: Log, path: Path) -> float:
     """Start of a log in POSIX seconds; an `InputError` where it does not know the date."""
     summary = log.summary
     if not summary.time_base.absolute or not math.isfinite(summary.start_s):
         remedy = "give the wind with --wind"
-        raise InputError("has no date, so no forecast can be found for it", summary.format, remedy=remedy)
+        raise InputError("has no date, so no forecast can be found for it", str(path), remedy=remedy)
     return summary.start_s
 
 
-def warn_if_far(log: Log, ensemble: WindEnsemble) -> None:
+def warn_if_far(log: Log, ensemble: WindEnsemble, path: Path) -> None:
     """Warn on stderr that the flight was far from every site of a forecast; one of another part of the world is refused."""
     import numpy as np
 
@@ -125,7 +129,7 @@ def warn_if_far(log: Log, ensemble: WindEnsemble) -> None:
                 away = f"{distance_text(float(distance.min()))} from the nearest site of the forecast"
                 if float(distance.min()) > ELSEWHERE_M:
                     remedy = "give the scenario, or a forecast, of where it was flown"
-                    raise InputError(f"the flight was {away}", log.summary.format, remedy=remedy)
+                    raise InputError(f"the flight was {away}", str(path), remedy=remedy)
                 typer.echo(f"skyway: the flight was {away}", err=True)
             return
 

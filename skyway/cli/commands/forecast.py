@@ -110,7 +110,7 @@ def _observations(path: Path, columns: Path | None, asked: ReplayOptions) -> lis
     from skyway.link.replay.replay import replay
 
     log = open_any(path, columns)
-    log_options.dated(log)
+    log_options.dated(log, path)
     found: list[WindObservation] = []
     for system in log.summary.systems:
         course = replay(log, replace(asked, system=system))

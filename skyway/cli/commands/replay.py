@@ -56,7 +56,10 @@ def replay(
     scenario: log_options.ScenarioName = None,
     drag: log_options.Drag = None,
     drone: Annotated[
-        Path | None, typer.Option(help="Predict the flight's energy with this drone: fleet file or drone id.")
+        Path | None,
+        typer.Option(
+            help="Predict the flight's energy with this drone: fleet file, or id of a drone of the scenario or a built-in one."
+        ),
     ] = None,
     payload: Annotated[float | None, typer.Option(help="Mass of the package carried, kg, for --drone.")] = None,
     aboard: Annotated[
@@ -97,7 +100,7 @@ def replay(
     if payload is not None and drone is None:
         raise InputError("needs --drone", field="--payload", value=payload, remedy="name the drone that carries it")
     log, system = _chosen(log, system, aboard, quiet=as_json)
-    predicted_by = None if drone is None else log_options.drone_of(drone)
+    predicted_by = None if drone is None else log_options.drone_of(drone, scenario)
     opened = open_any(log, columns)
     first, last = _part(opened, begin, end)
     if connect is not None:
@@ -109,7 +112,7 @@ def replay(
     from skyway.models.wind.estimation.filter import WindFilterSettings
     from skyway.models.wind.estimation.live import NO_FORECAST
 
-    expected, strays = log_options.log_forecast(opened, wind, forecast, scenario)
+    expected, strays = log_options.log_forecast(opened, log, wind, forecast, scenario)
     if settings:
         usual = strays or (WindFilterSettings() if expected else NO_FORECAST)
         strays = typed_values.settings_of(settings, usual).wind.filter

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from tlog_factory import START_US, Recorder, counted_by_pymavlink, mixed_log
 
+from skyway.link.logs.reader import open_log
 from skyway.link.logs.tlog.tlog import ScanState, read_frames, scan
 from skyway.models.base.errors import InputError
 
@@ -52,6 +53,17 @@ def test_noise_alone_ends_and_agrees_with_pymavlink(tmp_path):
     path.write_bytes(np.random.default_rng(1).integers(0, 256, 200_000, dtype=np.uint8).tobytes())
     index = scan(path)
     assert (index.by_type, index.bad_records) == counted_by_pymavlink(path)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_noise_in_which_a_message_or_two_happen_to_be_valid_is_refused(tmp_path, seed):
+    """A hundred kilobytes of random bytes were one message at the year 60895, and replayed."""
+    path, rng = tmp_path / "noise.tlog", np.random.default_rng(seed)
+    noise = rng.integers(0, 256, 100_000, dtype=np.uint8).tobytes()
+    path.write_bytes(noise[:50_000] + bytes([90]) + mixed_log(seed, 1)[1:] + noise[50_000:])
+    assert scan(path).messages > 0
+    with pytest.raises(InputError, match="is not a flight log"):
+        open_log(path)
 
 
 @pytest.mark.parametrize("size", [0, 1, 7, 8, 9, 12, 20])

@@ -257,9 +257,13 @@ def test_a_drone_file_predicts_a_log_of_a_flight_that_it_was_not_fitted_to(skywa
 
 
 def test_a_prediction_needs_a_drone_and_a_package_that_it_carries(skyway, flight):
-    assert "no such drone" in skyway("replay", flight, "--drone", "m999", code=2)
+    told = skyway("replay", flight, "--drone", "m999", code=2)
+    assert "no such drone" in told
+    assert "a drone of the scenario New York (m200" in told
+    assert "a built-in one (m200-v2" in told
     assert "m200-v2 carries 0 to 1.45 kg" in skyway("replay", flight, "--drone", "m200-v2", "--payload", "9", code=2)
     assert "predicts" in skyway("replay", flight, "--drone", "m200-v2")
+    assert "m200 at" in skyway("replay", flight, "--drone", "m200"), "as plan and dispatch call it"
 
 
 def test_the_table_of_a_replay_holds_the_covariance_of_the_wind(skyway, flight, tmp_path):
