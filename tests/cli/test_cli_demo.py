@@ -92,3 +92,11 @@ def test_the_closing_list_of_the_demonstration_has_the_times_of_its_lines(flown)
     on_ground = [line for line in listed if " to the delivery" in line]
     assert on_ground
     assert all(line in lines for line in on_ground)
+
+
+def test_what_the_drone_reports_of_the_mission_of_the_last_leg_is_explained(flown):
+    """Every upload began with a geofence violation, on flights without any."""
+    _, lines = flown
+    told = [line for line in lines if "the drone reports: " in line and ("waypoint" in line or "Geofence" in line)]
+    assert told, "nothing was reported: the test proves nothing"
+    assert all("the mission of the last one, on board until the next one is uploaded" in line for line in told)

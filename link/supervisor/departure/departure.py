@@ -17,6 +17,7 @@ from skyway.link.supervisor.journal.parts import Checked, winds
 from skyway.link.supervisor.journal.standing import standing
 from skyway.link.supervisor.legs import Leg, plan_leg, with_places
 from skyway.link.supervisor.observed.link_watch import must_answer, unanswered, wake
+from skyway.link.supervisor.observed.vehicle_texts import tell_texts
 from skyway.link.supervisor.soc.modelled_use import ModelledUse
 from skyway.link.supervisor.states import State, Turn
 from skyway.link.supervisor.work import ground as work_ground
@@ -135,11 +136,14 @@ def uploading(ctx: Context) -> After:
         (MissionKind.RALLY, leg.document.rally if len(leg.document.rally) else None),
         (MissionKind.MISSION, leg.document.mission),
     )
+    ctx.texts.last_mission = ctx.delivery.flight > 0
     for kind, part in parts:
         reason = _upload(ctx, kind, part)
         if reason:
             remedy = "Check the radio link, then continue with --resume"
             return State.STOPPED, f"the {kind.word} could not be uploaded: {reason}. {remedy}"
+    tell_texts(ctx)
+    ctx.texts.last_mission = False
     ctx.vehicle.changes()  # the lists that were just uploaded
     ctx.vehicle.watch_lists(watched=True)
     ctx.delivery.take_leg(_new_leg(ctx, service, leg))

@@ -22,6 +22,8 @@ AGAIN_S = 30.0
 _QUIET_S = 600.0
 """A text not repeated for this time counts as new, s."""
 _MAX_TEXTS = 500
+_ABOUT_MISSION = re.compile(r"waypoint|mission|geofence", re.IGNORECASE)
+_OLD_MISSION = " (checked against the fence of the next leg: the mission of the last one, on board until the next one is uploaded and verified)"
 _FIGURE = re.compile(r"[-+]?\d+\.\d+")
 
 
@@ -53,6 +55,8 @@ class TextLog:
     """
 
     latest: Said | None = None
+    last_mission: bool = False
+    """The next leg is uploaded while the mission of the last one is on board: the vehicle checks that one against the new fence."""
     _said: dict[str, Said] = field(default_factory=dict)
 
     def hear(self, texts: Iterable[tuple[int, str]], now_s: float) -> list[Said]:
@@ -90,4 +94,5 @@ def tell_texts(ctx: Context) -> None:
         word = SEVERITIES[min(max(said.severity, 0), len(SEVERITIES) - 1)]
         ctx.note(TextHeard(text=said.text, severity=word, count=said.count), str(said))
         if said.severity <= NOTICE:
-            ctx.tell(f"the drone reports: {said}")
+            old = ctx.texts.last_mission and _ABOUT_MISSION.search(said.text)
+            ctx.tell(f"the drone reports: {said}{_OLD_MISSION if old else ''}")
