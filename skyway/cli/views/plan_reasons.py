@@ -6,8 +6,7 @@ from typing import TYPE_CHECKING
 from zoneinfo import ZoneInfo
 
 from skyway.cli.views.sheet import Column, Sheet, say
-from skyway.models.base.formatting import date_clock, minutes, percent, promised, share
-from skyway.models.base.units import J_PER_WH
+from skyway.models.base.formatting import date_clock, minutes, percent, promised, share, watt_hours
 from skyway.plan_document import UNCERTAINTIES, most_gained, size_words, why_here, why_so_much
 
 if TYPE_CHECKING:
@@ -76,7 +75,7 @@ def _print_alternatives(result: PlanResult, plans: Sequence[PlanResult]) -> None
             minutes(plan.outcome.delivery),
             minutes(promised(plan.outcome.delivery_quantile(0.95))[0]).split(" ± ", maxsplit=1)[0],
             share(plan.outcome.success),
-            "" if plan.mean_energy_j is None else f"{plan.mean_energy_j / J_PER_WH:.0f}",
+            "" if plan.mean_energy_j is None else watt_hours(plan.mean_energy_j),
         )
     say("Alternatives, each better than the others in some respect (1 is the plan above):")
     sheet.show()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from skyway.models.base.formatting import distance_text, with_unit
+from skyway.models.base.formatting import distance_text, energy_text, watt_hours
 from skyway.report.svg import safe
 from skyway.web import drawn
 
@@ -29,10 +29,10 @@ def figures(plan: dict[str, Any], wanted: Preferences) -> str:
         cells.append(("on time", safe(plan["on_time"]), "of the deliveries, by the deadline"))
     if plan["kept"]:
         cells.append(("reserve kept", safe(plan["kept"]), f"every landing with {safe(plan['reserve'])} or more"))
-    mean_wh = plan["energy_mean_wh"]
-    mean = "" if mean_wh is None else f"{with_unit(mean_wh, 'Wh', 0)} on average; "
+    mean_j = plan["mean_energy_j"]
+    mean = "" if mean_j is None else f"{energy_text(mean_j)} on average; "
     far = safe(wanted.in_words(distance_text(plan["distance_m"])))
-    cells.append(("energy, typically", with_unit(plan["energy_wh"], "Wh", 0), mean + far))
+    cells.append(("energy, typically", energy_text(plan["energy_j"]), mean + far))
     cells += [(safe(one["name"]), safe(one["value"]), safe(one["small"])) for one in plan["spending"]]
     parts = [
         f"<div><dt>{name}</dt><dd>{value}<span class='small'>{small}</span></dd></div>" for name, value, small in cells
@@ -83,8 +83,8 @@ def beside(plans: Sequence[dict[str, Any]], chosen: int, without: Sequence[dict[
         rows.append(
             f'<tr class="{"chosen" if number == chosen else ""}"><td>{button}</td><td>{safe(label(one, number))}</td><td>{stops}</td>'
             f"<td>{safe(one['drone'])}</td><td class='n'>{safe(values.get('on average', ''))}</td><td class='n'>{safe(values.get('95 % within', ''))}</td>"
-            f"<td class='n'>{safe(one['kept'] or '')}</td><td class='n'>{one['energy_wh']:.0f}</td>"
-            f"<td class='n'>{'' if one['energy_mean_wh'] is None else format(one['energy_mean_wh'], '.0f')}</td></tr>"
+            f"<td class='n'>{safe(one['kept'] or '')}</td><td class='n'>{watt_hours(one['energy_j'])}</td>"
+            f"<td class='n'>{'' if one['mean_energy_j'] is None else watt_hours(one['mean_energy_j'])}</td></tr>"
         )
     head = (
         "<tr><th><span class='only-heard'>Choose</span></th><th>plan</th><th>stops at</th><th>drone</th><th class='n'>average, min</th>"

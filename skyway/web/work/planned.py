@@ -22,7 +22,6 @@ from skyway.models.base.formatting import (
     promised,
     share,
 )
-from skyway.models.base.units import J_PER_WH
 from skyway.models.composition.file import to_json
 from skyway.models.composition.way_back_words import way_back_lines
 from skyway.plan_document import UNCERTAINTIES, between_sites_words, size_words, why_here, why_so_much
@@ -135,7 +134,6 @@ def _plan(result: PlanResult, zone: ZoneInfo) -> dict[str, Any]:
         figures += zip(
             ("half within", "95 % within"), promised(arrival.delivery_p50, arrival.delivery_p95), strict=True
         )
-    mean_j = result.mean_energy_j
     return {
         "composition": to_json(c),
         "planner": c.planner,
@@ -154,8 +152,8 @@ def _plan(result: PlanResult, zone: ZoneInfo) -> dict[str, Any]:
         "kept": None if c.success is None else share(c.success),
         "reserve": percent(c.reserve_soc, None),
         "reserve_soc": c.reserve_soc,
-        "energy_wh": round(c.energy_wh, 1),
-        "energy_mean_wh": None if mean_j is None else round(mean_j / J_PER_WH, 1),
+        "energy_j": c.energy_j,
+        "mean_energy_j": result.mean_energy_j,
         "spending": _spending(c),
         "distance_m": c.distance_m,
         "never": None if outcome.p_arrive > 1.0 - 1e-9 else percent(1.0 - outcome.p_arrive, 1),
