@@ -28,6 +28,15 @@ def one_line(text: str) -> str:
     return text if text.isprintable() else "".join(char if char.isprintable() else " " for char in text)
 
 
+MAX_FIELD, MAX_VALUE = 120, 60
+"""Characters of a field's name and of its value in an error."""
+
+
+def shortened(text: str, longest: int) -> str:
+    """Return the beginning of a text that is longer."""
+    return text[:longest] + "…" if len(text) > longest else text
+
+
 @dataclass(frozen=True, slots=True)
 class Fault:
     """One fault of an input, with the data to correct it."""
@@ -48,11 +57,10 @@ class Fault:
             where += f":{self.line}" if where else f"line {self.line}"
         parts = [where] if where else []
         if self.field is not None:
-            parts.append(self.field)
+            parts.append(shortened(self.field, MAX_FIELD))
         text = ": ".join([*parts, self.problem])
         if self.value is not None:
-            shown = str(self.value)
-            text += f" (got {shown[:60] + '…' if len(shown) > 60 else shown!r})"
+            text += f" (got {shortened(str(self.value), MAX_VALUE)!r})"
         if self.remedy:
             text += f"; {self.remedy}"
         return one_line(text)

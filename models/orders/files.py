@@ -86,7 +86,7 @@ def _order(row: Row) -> Order:
     mass = row.number("mass_kg", 0.0, 1000.0)
     value = row.number("value", 0.0, 1e12, -1.0)
     order = Order(
-        id=row.text("id"),
+        id=_order_id(row),
         origin=_place(row, "from"),
         destination=_place(row, "to"),
         mass_kg=mass,
@@ -100,6 +100,14 @@ def _order(row: Row) -> Order:
     if order.origin and order.origin == order.destination:
         row.fault("to", "is where the order comes from", "another place")
     return order
+
+
+def _order_id(row: Row) -> str:
+    """Read the id of an order; it can be asked for by the HTTP API, as one segment of a path."""
+    name = row.text("id")
+    if "/" in name or name in {".", ".."}:
+        row.fault("id", "cannot be asked for in a path", "an id without /, and not . or ..")
+    return name
 
 
 def _vehicle(row: Row) -> Vehicle:

@@ -6,20 +6,23 @@ It only reads and writes the desk, so it agrees with the ledger, and answers whi
 from __future__ import annotations
 
 import hmac
+import json
 import os
 import threading
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
-from fastapi import FastAPI, HTTPException, Request, Response
+from fastapi import Depends, FastAPI, HTTPException, Request, Response
 from fastapi.responses import JSONResponse, PlainTextResponse
 from pydantic import BaseModel, ConfigDict, Field
+from starlette.exceptions import HTTPException as StarletteHTTPException
 
 from skyway.dispatch.service import put_order, refuse_ended
 from skyway.dispatch.status import document_of, order_document, prometheus, status_of
-from skyway.models.base.errors import InputError
+from skyway.models.base.errors import Fault, InputError, SkywayError
 from skyway.models.ledger.desk import Desk
 from skyway.models.ledger.opening import open_ledger
 from skyway.models.orders.files import order_of
+from skyway.models.orders.order import Order  # noqa: TC001  FastAPI reads the annotation
 
 if TYPE_CHECKING:
     from collections.abc import Awaitable, Callable
@@ -28,13 +31,14 @@ TOKEN = "SKYWAY_TOKEN"  # noqa: S105  the name of a variable
 LOOPBACK = frozenset({"127.0.0.1", "localhost", "::1"})
 MAX_BODY = 100_000
 WALL_S = 10.0
+SCHEMAS = "#/components/schemas/{model}"
 
 
 class NewOrder(BaseModel):
-    """An order; the fields are those of orders.csv."""
+    """An order; the fields are those of orders.csv, whose reader reads it (`models.orders.files`)."""
 
-    model_config = ConfigDict(extra="forbid", populate_by_name=True)
-    id: str = Field(description="Unique; the same id is refused the second time.")
+    model_config = ConfigDict(extra="forbid")
+    id: str = Field(description="Unique: the same id is refused the second time. Without /, and not . or ..")
     origin: str = Field(alias="from", description="Station id, part of its name, or lat,lon.")
     to: str = Field(description="Station id, part of its name, or lat,lon.")
     mass_kg: float = Field(description="Mass of the package, kg.")
@@ -92,38 +96,33 @@ def application(ledger: str, dispatcher: str, *, token: str | None = None) -> Fa
             given = request.headers.get("authorization", "").removeprefix("Bearer ")
             if not hmac.compare_digest(given.encode(), token.encode()):
                 return JSONResponse({"problems": ["a token is needed: Authorization: Bearer …"]}, 401)
-        if (
-            request.method not in ("GET", "HEAD")
-            and request.headers.get("content-type", "").partition(";")[0] != "application/json"
-        ):
-            return JSONResponse({"problems": ["send application/json"]}, 415)
-        if int(request.headers.get("content-length") or 0) > MAX_BODY:
-            return JSONResponse({"problems": [f"more than {MAX_BODY} bytes"]}, 413)
         return await call_next(request)
 
-    @api.exception_handler(InputError)
+    @api.exception_handler(SkywayError)
     async def faulty(_: Request, error: Exception) -> Response:
-        return JSONResponse({"problems": str(error).splitlines()}, 422)
+        return JSONResponse({"problems": str(error).splitlines()}, 422 if isinstance(error, InputError) else 500)
 
-    @api.post("/orders", status_code=201, response_model=OrderStatus, responses=refused)
-    def add_order(order: NewOrder) -> dict[str, Any]:
+    @api.exception_handler(StarletteHTTPException)
+    async def unanswered(_: Request, error: Exception) -> Response:
+        if not isinstance(error, StarletteHTTPException):
+            raise error
+        return JSONResponse({"problems": [str(error.detail)]}, error.status_code, error.headers)
+
+    @api.exception_handler(Exception)
+    async def broken(_: Request, error: Exception) -> Response:
+        return JSONResponse({"problems": [f"internal error: {type(error).__name__}, see the log of the service"]}, 500)
+
+    sent = {"required": True, "content": {"application/json": {"schema": {"$ref": SCHEMAS.format(model="NewOrder")}}}}
+
+    @api.post(
+        "/orders", status_code=201, response_model=OrderStatus, responses=refused, openapi_extra={"requestBody": sent}
+    )
+    def add_order(order: Annotated[Order, Depends(_sent)]) -> dict[str, Any]:
         """Take an order; it is on the desk when the answer is sent."""
-        values = {
-            "id": order.id,
-            "from": order.origin,
-            "to": order.to,
-            "mass_kg": order.mass_kg,
-            "ready": order.ready,
-            "due": order.due,
-        }
-        values |= {"kind": order.kind, "priority": order.priority} | (
-            {} if order.value is None else {"value": order.value}
-        )
-        one = order_of(values, "order")
         place = desk()
         with place.ledger:
             refuse_ended(place.get("service", "service"))
-            put_order(place, one)
+            put_order(place, order)
             return _order_status(place, order.id)
 
     @api.get("/orders", response_model=list[OrderStatus])
@@ -139,7 +138,7 @@ def application(ledger: str, dispatcher: str, *, token: str | None = None) -> Fa
         place = desk()
         with place.ledger:
             if place.get("order", order_id) is None:
-                raise HTTPException(404, {"problems": [f"there is no order {order_id}"]})
+                raise HTTPException(404, str(Fault("there is no such order", field="id", value=order_id)))
             return _order_status(place, order_id)
 
     @api.get("/status")
@@ -156,7 +155,34 @@ def application(ledger: str, dispatcher: str, *, token: str | None = None) -> Fa
         with place.ledger:
             return prometheus(status_of(place))
 
+    described = api.openapi
+
+    def with_the_order() -> dict[str, Any]:
+        document = described()
+        document["components"]["schemas"]["NewOrder"] = NewOrder.model_json_schema(ref_template=SCHEMAS)
+        return document
+
+    api.openapi = with_the_order  # type: ignore[method-assign]
     return api
+
+
+async def _sent(request: Request) -> Order:
+    """Read the order that a request sends."""
+    if request.headers.get("content-type", "").partition(";")[0].strip().lower() != "application/json":
+        raise HTTPException(415, "send application/json")
+    body = bytearray()
+    async for part in request.stream():
+        body += part
+        if len(body) > MAX_BODY:
+            raise HTTPException(413, f"more than {MAX_BODY:,} bytes")
+    try:
+        values = json.loads(body.decode())
+    except (ValueError, RecursionError) as error:
+        problem = {UnicodeDecodeError: "is not UTF-8", RecursionError: "is nested too deeply"}.get(type(error))
+        raise InputError(problem or f"is not JSON: {getattr(error, 'msg', 'a number too long')}", "order") from None
+    if not isinstance(values, dict):
+        raise InputError("must be an object", "order", value=json.dumps(values), remedy='{"id": …, "from": …, …}')
+    return order_of(values, "order")
 
 
 def _order_status(desk: Desk, order: str) -> dict[str, Any]:

@@ -2,12 +2,14 @@
 
 import json
 import urllib.error
+import urllib.parse
 import urllib.request
 from pathlib import Path
 
 import pytest
 from fleet_runs import START
 
+from skyway.cli.main import main
 from skyway.dispatch.http_api import serve_in_background
 from skyway.dispatch.records import DroneRecord, ServiceRecord, written
 from skyway.models.base.errors import InputError
@@ -48,8 +50,10 @@ class Client:
         return self._ask(urllib.request.Request(self.address + path, headers=headers))
 
     def post(self, path, document, kind="application/json"):
-        data = json.dumps(document).encode()
-        return self._ask(urllib.request.Request(self.address + path, data, {"content-type": kind}))
+        return self.send(path, json.dumps(document).encode(), kind)
+
+    def send(self, path, data, kind="application/json", method="POST"):
+        return self._ask(urllib.request.Request(self.address + path, data, {"content-type": kind}, method=method))
 
     @staticmethod
     def _ask(request):
@@ -98,10 +102,72 @@ def test_faults_of_an_order_are_named(client):
     assert json.loads(client.get("/orders")[1]) == []
 
 
+LONG = "x" * 90_000
+WRONG = {
+    "nothing": b"", "no JSON": b"{", "no UTF-8": b'{"id": "\xff"}', "null": b"null", "a list": json.dumps([ORDER] * 9).encode(), "a text": json.dumps(LONG).encode(),
+    "deep": b"[" * 90_000, "a long number": b'{"id": ' + b"9" * 9_000 + b"}", "no fields": b"{}",
+    **{f"{name} is {value!r:.9}": json.dumps({**ORDER, name: value}).encode() for name, value in (
+        ("mass_kg", True), ("mass_kg", "much"), ("mass_kg", LONG), ("mass_kg", [LONG]), ("id", LONG), ("id", ["a"]), ("ready", 7), ("due", LONG), ("from", {"lat": LONG}),
+        ("priority", 1.5), ("value", False), ("kind", [1]), (LONG, 1),
+    )},
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("body", WRONG.values(), ids=WRONG)
+def test_whatever_is_sent_that_is_no_order_has_its_faults_named_in_short(client, body):
+    status, text = client.send("/orders", body)
+    assert status == 422
+    told = json.loads(text)
+    assert set(told) == {"problems"}
+    assert told["problems"]
+    assert all(isinstance(one, str) and one.startswith("order") and len(one) < 400 for one in told["problems"])
+    assert json.loads(client.get("/orders")[1]) == []
+
+
+@pytest.mark.parametrize(
+    ("method", "path", "kind", "size", "status"),
+    [
+        ("DELETE", "/orders/serum", "application/json", 0, 405),
+        ("DELETE", "/orders/serum", "text/plain", 0, 405),
+        ("PUT", "/status", "text/plain", 10, 405),
+        ("GET", "/nothing", "text/plain", 0, 404),
+        ("GET", "/orders/" + "y" * 9_000, "text/plain", 0, 404),
+        ("POST", "/orders", "text/plain", 10, 415),
+        ("POST", "/orders", "application/json", 200_000, 413),
+    ],
+)
+def test_every_refusal_has_one_shape(client, method, path, kind, size, status):
+    answer = client.send(path, b" " * size if size else None, kind, method)
+    assert answer[0] == status
+    told = json.loads(answer[1])
+    assert list(told) == ["problems"]
+    assert all(isinstance(one, str) and len(one) < 400 for one in told["problems"])
+
+
+@pytest.mark.parametrize("name", ["serum 7", "a?b#c%2f", "Bänke", "...", 7])
+def test_an_id_that_is_taken_can_be_asked_for(client, name):
+    assert client.post("/orders", {**ORDER, "id": name})[0] == 201
+    assert json.loads(client.get("/orders/" + urllib.parse.quote(str(name), safe=""))[1])["id"] == str(name)
+
+
+@pytest.mark.parametrize("name", ["../x", "a/b", ".", ".."])
+def test_an_id_that_no_path_can_name_is_refused_wherever_it_comes_from(client, ledger, tmp_path, capsys, name):
+    status, text = client.post("/orders", {**ORDER, "id": name})
+    assert (status, "order: id: cannot be asked for in a path" in text) == (422, True)
+    file = tmp_path / "orders.csv"
+    file.write_text(",".join(ORDER) + "\n" + ",".join(map(str, {**ORDER, "id": name}.values())) + "\n")
+    typed = [f"--{option}={ORDER[field]}" for option, field in (("from", "from"), ("to", "to"), ("mass", "mass_kg"), ("ready", "ready"), ("due", "due"))]  # fmt: skip
+    for order in ([str(file)], [f"--id={name}", *typed]):
+        assert main(["orders", "add", *order, "--ledger", ledger]) == 2
+        assert "id: cannot be asked for in a path" in capsys.readouterr().err
+
+
 def test_the_api_describes_itself_and_tells_figures(client):
     described = json.loads(client.get("/openapi.json")[1])
     assert {"/orders", "/orders/{order_id}", "/status", "/metrics"} <= set(described["paths"])
-    assert "NewOrder" in described["components"]["schemas"]
+    assert set(ORDER) < set(described["components"]["schemas"]["NewOrder"]["properties"])
+    body = described["paths"]["/orders"]["post"]["requestBody"]["content"]["application/json"]["schema"]
+    assert body == {"$ref": "#/components/schemas/NewOrder"}
     figures = client.get("/metrics")[1]
     assert 'skyway_drones{state="standing"} 1' in figures
     assert "skyway_dispatcher_up 0" in figures
