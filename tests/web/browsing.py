@@ -23,6 +23,9 @@ FLIGHT_MS = 600_000
 AXE = os.environ.get("SKYWAY_AXE", "node_modules/axe-core/axe.min.js")
 """axe-core of the npm registry: `npm install axe-core`; without it accessibility is not judged."""
 HELD_MS = 1_500
+WIDER = """() => [document.documentElement, ...document.querySelectorAll('.panel')]
+    .filter((one) => one.scrollWidth > one.clientWidth).map((one) => `${one.className}: ${one.scrollWidth} px in ${one.clientWidth} px`)"""
+"""The page, or its panels, that one must scroll to the side to see."""
 
 
 def installed() -> str:

@@ -10,12 +10,13 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from tests.web.browsing import AXE, PATIENT_MS, chromium
+from tests.web.browsing import AXE, PATIENT_MS, WIDER, chromium
 from tests.web.conftest import ended, served
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
+WIDTHS = (320, 360, 390, 768, 1280)
 QUESTION = "/?start=siuh-north&to=white-plains&depart=2013-07-10T14%3A00-04%3A00"
 
 PAGES = (QUESTION, "/missions", "/recharge", "/fly", "/fleet", "/replay", "/history")
@@ -210,6 +211,19 @@ def test_nothing_is_cut_off_at_any_width_dark_or_light(opened, path, width, heig
     tab.screenshot(path=str(tmp_path / "page.png"))
     unnamed = "[...document.querySelectorAll('input, select, button, canvas')].filter((e) => !(e.labels?.length || e.getAttribute('aria-label') || e.textContent.trim())).length"
     assert tab.evaluate(unnamed) == 0
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+@pytest.mark.parametrize("path", PAGES)
+def test_no_page_is_wider_than_its_window(opened, path, scheme):
+    tab = opened(path, WIDTHS[0], 700, scheme)
+    if path == QUESTION:
+        tab.wait_for_selector(".reasons p")
+    for width in WIDTHS:
+        tab.set_viewport_size({"width": width, "height": 700})
+        tab.wait_for_timeout(300)
+        assert tab.evaluate(WIDER) == [], width
+        assert tab.evaluate("document.querySelector('.brand').getBoundingClientRect().top") >= 4.0, width
 
 
 def test_a_mission_is_dropped_mended_and_converted(opened, page, tmp_path):

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from skyway.cli.main import main
-from tests.web.browsing import chromium, person
+from tests.web.browsing import WIDER, chromium, person
 from tests.web.conftest import ended, served
 
 pytestmark = pytest.mark.slow
@@ -118,6 +118,9 @@ def test_the_history_counts_what_the_report_says_and_is_searched(flown, browser,
         assert sorted(ends) == ["arrived, no package", "delivered"]
         cut = "all => all.filter((one) => one.scrollWidth > one.clientWidth).map((one) => one.innerText)"
         assert tab.locator("dl.figures dd").evaluate_all(cut) == []
+        tab.set_viewport_size({"width": 320, "height": 700})
+        assert tab.evaluate(WIDER) == []
+        tab.set_viewport_size({"width": 1280, "height": 900})
         assert "of 1\n" in cells["kept of 95 % promises"]
         assert cells["reserve kept"].endswith("of 2")
         assert float(cells["energy"].removesuffix(" Wh/km")) > 1.0
