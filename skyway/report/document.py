@@ -240,6 +240,7 @@ def _totals(records: tuple[Record, ...], planned: dict[str, Any], legs: list[Flo
             arrive_mean_s=of.instant_s(arrival.get("mean")),
             arrive_p50_s=of.instant_s(arrival.get("p50")),
             arrive_p95_s=of.instant_s(arrival.get("p95")),
+            runs=of.integer(arrival, "runs"),
         ),
         actual=Times(
             depart_s=took_off,

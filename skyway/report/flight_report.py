@@ -124,11 +124,15 @@ class Times(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class PlannedTimes(Times, frozen=True, kw_only=True):
-    """The same as planned, with the arrival on average, and by which half and 95 % of such deliveries arrive."""
+    """The same as planned, with the arrival on average, and by which half and 95 % of such deliveries arrive.
+
+    `runs`: number of simulated deliveries behind the arrival; None where the planner simulated none, and promises nothing.
+    """
 
     arrive_mean_s: float | None
     arrive_p50_s: float | None
     arrive_p95_s: float | None
+    runs: int | None
 
 
 class Totals(msgspec.Struct, frozen=True, kw_only=True):

@@ -128,6 +128,18 @@ def test_a_flight_without_a_package_is_no_delivery_and_keeps_no_promise(flown, t
     assert "Arrived, without a package to deliver" in seen(tmp_path / "report.html").words
 
 
+def test_a_plan_that_simulated_no_deliveries_promises_nothing(flown, tmp_path):
+    def unsimulated(line):
+        if line["event"] == "start":
+            line["data"]["composition"]["arrival"]["runs"] = None
+        return line
+
+    path = changed(flown, tmp_path, unsimulated)
+    (row,) = told(str(path.parent), [(path.name, 0.0)])
+    assert row["delivered"]
+    assert (row["promise_kept"], row["half_kept"]) == (None, None)
+
+
 @pytest.mark.parametrize(("payload_kg", "delivers"), [(0.0, False), (0.8, True)])
 def test_a_journal_that_does_not_say_so_delivers_what_it_carries(flown, tmp_path, payload_kg, delivers):
     def older(line):

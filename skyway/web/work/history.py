@@ -52,8 +52,8 @@ def _row(root: str, name: str, changed_s: float) -> dict[str, Any] | None:  # no
         "flight_s": totals.actual.flight_s, "delivery_s": totals.actual.delivery_s, "flights": totals.actual.flights or 0,
         "lowest_soc": totals.actual.lowest_soc, "reserve_soc": wanted.reserve_soc,
         "flown_m": flown_m, "measured_m": measured_m, "energy_j": energy_j,
-        "half_kept": _kept(totals.planned.arrive_p50_s, arrived_s, report),
-        "promise_kept": _kept(totals.planned.arrive_p95_s, arrived_s, report),
+        "half_kept": _kept("arrive_p50_s", arrived_s, report),
+        "promise_kept": _kept("arrive_p95_s", arrived_s, report),
         "decisions": len(report.decisions), "resumed": report.outcome.resumed,
     }  # fmt: skip
 
@@ -73,8 +73,13 @@ def reports(root: str, names: list[str]) -> list[dict[str, str]]:
     return found
 
 
-def _kept(promised_s: float | None, arrived_s: float | None, report: FlightReport) -> bool | None:
-    """Whether a promise was kept; not if the delivery failed, unknown while it is in progress, none without a package."""
+def _kept(name: str, arrived_s: float | None, report: FlightReport) -> bool | None:
+    """Whether a promise was kept; not if the delivery failed, unknown while it is in progress.
+
+    None without a package, or if its planner simulated no deliveries: a dispatcher promises by its own plan, not by that of a flight.
+    """
+    planned = report.totals.planned
+    promised_s: float | None = getattr(planned, name) if planned.runs else None
     if promised_s is None or not report.outcome.ended or not report.delivery.hands_over:
         return None
     return report.outcome.delivered and arrived_s is not None and arrived_s <= promised_s
