@@ -5,17 +5,22 @@ from __future__ import annotations
 import math
 import time
 from dataclasses import replace
+from types import NoneType
 from typing import TYPE_CHECKING
 
-from skyway.models.base.errors import Fault, InfeasibleError, InputError, NoRouteError
+from skyway.models.base.errors import Fault, InfeasibleError, InputError, NoRouteError, refuse
 from skyway.models.base.formatting import later_text
+from skyway.models.base.ranges import kind_faults
 from skyway.models.scenario.air import fleet_in_air
+from skyway.models.scenario.scenario import Scenario
+from skyway.models.wind.ensemble import WindEnsemble
 from skyway.planner.answers import robust_result, solve
 from skyway.planner.drone_choice import candidates
 from skyway.planner.explain import alternatives
 from skyway.planner.parameters.planner import USUAL
 from skyway.planner.problem.objective import Objective
 from skyway.planner.problem.problem import HORIZON_H, Problem
+from skyway.planner.problem.request import Request
 from skyway.planner.problem.request_checks import check_apart
 from skyway.planner.registry import CLAIRVOYANT_PLANNERS, PLANNERS, ROBUST
 from skyway.planner.result import Comparison, PlanResult
@@ -27,11 +32,11 @@ from skyway.planner.way_back import plan_there_and_back, with_way_back
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
 
-    from skyway.models.scenario.scenario import Scenario
-    from skyway.models.wind.forecast import WindEnsemble
     from skyway.planner.parameters.planner import PlannerParameters
-    from skyway.planner.problem.request import Request
     from skyway.planner.schedule.outcome import Outcome
+
+
+_WIND = "such as constant_wind(speed_mps, from_deg, …)"
 
 
 def plan(
@@ -81,6 +86,14 @@ def plan(
     AuditError
         Flown again, the answer is not what it claims to be (`planner.schedule.audit`).
     """
+    refuse(
+        [
+            *kind_faults("scenario", scenario, Scenario, "read_scenario(FOLDER) or build_scenario(STATIONS)"),
+            *kind_faults("request", request, Request, "Request(state=…, destination=…, payload_kg=…)"),
+            *kind_faults("forecast", forecast, (WindEnsemble, NoneType), _WIND),
+            *kind_faults("truth", truth, (WindEnsemble, NoneType), _WIND),
+        ]
+    )
     if planner not in PLANNERS:
         raise InputError(
             Fault("no such planner", field="planner", value=planner, remedy="one of " + ", ".join(PLANNERS))
@@ -158,6 +171,8 @@ def compare(
     parameters: PlannerParameters = USUAL,
 ) -> list[Comparison]:
     """Solve the same request with several planners; those without an answer give the reason."""
+    if isinstance(planners, str):
+        raise InputError("is one name", field="planners", value=planners, remedy=f"a list of names: [{planners!r}]")
     answers = []
     for name in planners:
         try:
@@ -254,7 +269,7 @@ def _truth(forecast: WindEnsemble, truth: WindEnsemble | None, planner: str) -> 
     if truth is None and len(forecast.probability) == 1:
         return forecast
     if truth is None:
-        remedy = "name a day of the record with --actual-wind 2013-07-10, or give one wind with --wind 8@270"
+        remedy = "name a day of the record with --actual-wind 2013-07-10, or give one wind with --wind 8@270; in Python: truth=, or forecast= of one member"
         raise InputError(Fault(f"{planner} needs perfect information", field="truth", remedy=remedy))
     if len(truth.probability) != 1:
         raise InputError(Fault("the actual wind has more than one member", field="truth", value=len(truth.probability)))

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import replace
+from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from skyway.models.base.errors import InputError
+from skyway.models.base.errors import InputError, refuse
+from skyway.models.base.ranges import kind_faults
 from skyway.models.drones.drone import M200_V2, Drone
 from skyway.models.drones.fleet import read_fleet
 from skyway.models.flight.rules import FlightRules
@@ -17,8 +20,7 @@ from skyway.models.scenario.checks import fit_warnings
 from skyway.models.scenario.scenario import Scenario
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
-    from os import PathLike
+    from collections.abc import Sequence
 
     from skyway.models.airspace.airspace import Airspace
     from skyway.models.network.station import ConnectionRule
@@ -82,9 +84,7 @@ def build_scenario(
     if zones is not None:
         zones = replace(zones, cruise_height_m=rules.cruise_height_m)
     network = network_of(stations, segments=segments, zones=zones)
-    fleet = read_fleet(Path(drones)) if isinstance(drones, str) or hasattr(drones, "__fspath__") else tuple(drones)
-    if not fleet:
-        raise InputError("the fleet is empty", field="drones", remedy="give at least one Drone")
+    fleet = read_fleet(Path(drones)) if isinstance(drones, str | PathLike) else _fleet(drones)
     sites = () if history is None else history.sites
     load = PadLoad.none(len(network), timezone) if load is None else load
     bends = sum(station.flyover for station in network.stations)
@@ -107,3 +107,15 @@ def build_scenario(
         warnings=tuple(fit_warnings(network, sites)),
     )
     return fleet_in_air(built)
+
+
+def _fleet(drones: Any) -> tuple[Drone, ...]:
+    remedy = "a sequence of Drone, or the path of a fleet file"
+    refuse(kind_faults("drones", drones, Iterable, remedy))
+    fleet = tuple(drones)
+    refuse(
+        [fault for number, one in enumerate(fleet) for fault in kind_faults(f"drones[{number}]", one, Drone, remedy)]
+    )
+    if not fleet:
+        raise InputError("the fleet is empty", field="drones", remedy="give at least one Drone")
+    return fleet

@@ -55,7 +55,11 @@ def parse_instant(text: str, *, field: str = "time", file: str | None = None) ->
 
 
 def utc(instant: datetime) -> datetime:
-    """Turn an aware instant into UTC; a naive one is an `InputError`."""
+    """Turn an aware instant into UTC; a naive one, and what is none, is an `InputError`."""
+    given: object = instant
+    if not isinstance(given, datetime):
+        remedy = "a datetime with a time zone: datetime(2013, 7, 10, 18, tzinfo=UTC)"
+        raise InputError("is not a time", field="time", value=repr(given), remedy=remedy)
     if instant.tzinfo is None:
         raise InputError("the time has no UTC offset", field="time", value=instant.isoformat())
     try:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
@@ -11,6 +11,7 @@ import numpy as np
 
 from skyway.models.base.errors import Fault, InputError, refuse
 from skyway.models.base.geodesy import coordinate_faults
+from skyway.models.base.ranges import number_faults
 from skyway.models.network.builders import build_network
 from skyway.models.network.network import Network
 from skyway.models.network.station import ConnectionRule, Station
@@ -90,11 +91,31 @@ def _table_rows(table: Any) -> list[dict[str, Any]]:
 
 def _stations(rows: Iterable[Any]) -> list[Station]:
     faults: list[Fault] = []
-    stations = [row if isinstance(row, Station) else _station(row, faults) for row in rows]
-    for station in stations:
-        faults += coordinate_faults(station.lat, station.lon) if math.isfinite(station.lat + station.lon) else []
+    stations = [_given(row, faults) if isinstance(row, Station) else _station(row, faults) for row in rows]
     refuse(faults)
+    if not stations:
+        raise InputError(
+            "there is none", field="stations", remedy="give at least one, such as Station(id, name, lat, lon)"
+        )
     return stations
+
+
+def _given(station: Station, faults: list[Fault]) -> Station:
+    """Check a station; faults are collected."""
+    numbers = {name: getattr(station, name) for name in ("lat", "lon", *_WHOLE, *_REAL)}
+    found = [
+        fault
+        for name, value in numbers.items()
+        if value is not None or name not in _REAL
+        for fault in number_faults(name, value)
+    ]
+    faults += _named(found or coordinate_faults(station.lat, station.lon), station.id)
+    return station
+
+
+def _named(faults: Iterable[Fault], identity: str) -> list[Fault]:
+    """Return faults of a station with its id."""
+    return [replace(fault, problem=f"station {identity}: {fault.problem}") for fault in faults]
 
 
 def _station(row: Any, faults: list[Fault]) -> Station:
@@ -126,8 +147,9 @@ def _station(row: Any, faults: list[Fault]) -> Station:
     try:
         opening_hours(hours)
     except InputError as error:
-        faults += [replace(fault, problem=f"station {identity}: {fault.problem}") for fault in error.faults]
+        faults += _named(error.faults, identity)
     place = number(_LATITUDE), number(_LONGITUDE)
+    faults += [] if any(map(math.isnan, place)) else _named(coordinate_faults(*place), identity)
     return Station(identity, str(given.get("name", identity)), *place, **more, open_hours=hours)
 
 
@@ -135,10 +157,14 @@ def _missing(value: Any) -> bool:
     return value is None or (isinstance(value, float | np.floating) and math.isnan(value))
 
 
-def _pairs(stations: list[Station], segments: Iterable[tuple[str, str]]) -> Any:
+def _pairs(stations: list[Station], segments: Iterable[Any]) -> Any:
     index = {station.id: number for number, station in enumerate(stations)}
     pairs, faults = [], []
-    for tail, head in segments:
+    for segment in segments:
+        if isinstance(segment, str) or not isinstance(segment, Sequence) or len(segment) != 2:
+            faults.append(Fault("is not a pair", field="segments", value=repr(segment), remedy='("FROM", "TO")'))
+            continue
+        tail, head = segment
         strangers = [end for end in (tail, head) if str(end) not in index]
         faults += [Fault("is not a known station", field="segments", value=end) for end in strangers]
         pairs.append((index.get(str(tail), 0), index.get(str(head), 0)))

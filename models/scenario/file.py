@@ -8,6 +8,7 @@ from __future__ import annotations
 import hashlib
 import math
 from dataclasses import replace
+from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 from zoneinfo import ZoneInfo, ZoneInfoNotFoundError
@@ -17,8 +18,9 @@ import numpy as np
 from skyway.models.airspace.airspace import USUAL_DETOUR, USUAL_HEIGHT_MARGIN_M, USUAL_MARGIN_M, Airspace
 from skyway.models.airspace.pressure import named_in, split_pressure
 from skyway.models.airspace.reading import read_airspace
-from skyway.models.base.errors import Fault, InputError, one_line
+from skyway.models.base.errors import Fault, InputError, one_line, refuse
 from skyway.models.base.fields import Table, read_toml
+from skyway.models.base.ranges import kind_faults
 from skyway.models.base.units import SPEED_UNITS_MPS
 from skyway.models.drones.drone import M200_V2, Drone
 from skyway.models.drones.fleet import read_fleet
@@ -45,7 +47,6 @@ from skyway.models.wind.history import WindSite, read_history
 
 if TYPE_CHECKING:
     from collections.abc import Callable
-    from os import PathLike
 
     from skyway.models.network.station import Station
     from skyway.models.terrain.terrain import Terrain
@@ -61,6 +62,7 @@ T = TypeVar("T")
 def read_scenario(path: str | PathLike[str]) -> Scenario:
     """Read the scenario in a folder (or named by its ``scenario.toml``); an `InputError` lists all their faults."""
     remedy = "skyway scenario init DIR writes one to start from"
+    refuse(kind_faults("path", path, (str, PathLike), "the folder of a scenario"))
     path = Path(path)
     try:
         file = path / FILE if path.is_dir() or path.suffix != ".toml" else path

@@ -219,6 +219,10 @@ class Scenario:
 
     def _record(self) -> WindHistory:
         if self.history is None:
-            remedy = "give [wind] history in scenario.toml, or --wind 8@270, or --forecast FILE"
+            remedy = "in Python give plan a forecast=, such as constant_wind(8, 270, …)"
+            if self.path is None:
+                remedy += ", or build_scenario a history="
+            else:
+                remedy = f"give [wind] history in scenario.toml, or --wind 8@270, or --forecast FILE; {remedy}"
             raise InputError("the scenario has no wind record", self.path, field="wind.history", remedy=remedy)
         return self.history

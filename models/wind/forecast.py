@@ -10,6 +10,7 @@ import numpy as np
 
 from skyway.models.base.errors import Fault, InputError, refuse
 from skyway.models.base.geodesy import coordinate_faults
+from skyway.models.base.ranges import number_faults
 from skyway.models.base.units import from_posix, iso, utc
 from skyway.models.wind.ensemble import WindEnsemble
 from skyway.models.wind.forecast_file import read_forecast_table
@@ -108,6 +109,8 @@ def constant_wind(
     InputError
         A negative or infinite speed, a direction outside 0 to 360, an impossible position or height.
     """
+    given = {"speed_mps": speed_mps, "from_deg": from_deg, "lat": lat, "lon": lon, "height_m": height_m}
+    refuse([fault for name, value in given.items() for fault in number_faults(name, value)])
     faults = coordinate_faults(lat, lon)
     if not 0.0 <= speed_mps < math.inf:
         faults.append(Fault("not a wind speed", field="wind", value=speed_mps, remedy="0 or more, in m/s"))

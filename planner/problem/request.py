@@ -4,18 +4,20 @@ from __future__ import annotations
 
 import math
 import operator
+from collections.abc import Mapping
 from dataclasses import dataclass, field
+from datetime import datetime
+from types import NoneType
 from typing import TYPE_CHECKING, Any
 
-from skyway.models.base.errors import Fault, InputError
-from skyway.models.base.ranges import MIN_PERCENT, divided, fraction_faults, range_faults
+from skyway.models.base.errors import Fault, InputError, refuse
+from skyway.models.base.ranges import MIN_PERCENT, divided, fraction_faults, kind_faults, range_faults
+from skyway.models.composition.composition import State
 from skyway.models.composition.release import RELEASES, hover_s, hovers
 from skyway.planner.problem.objective import Objective
 
 if TYPE_CHECKING:
-    from datetime import datetime
-
-    from skyway.models.composition.composition import Recharge, State
+    from skyway.models.composition.composition import Recharge
     from skyway.models.composition.release import Release
 
 DEFAULT_RESERVE_SOC = 0.2
@@ -107,6 +109,7 @@ class Request:
         objective: object = self.objective
         if isinstance(objective, str):
             object.__setattr__(self, "objective", Objective.parse(objective))
+        refuse(_check_kinds(self))
         faults = [*_check_state(self.state), *_check_objective(self), *_check_earliest(self)]
         payload = "kilograms, 0 to 1000"
         faults += range_faults(
@@ -152,6 +155,24 @@ def _is_count(value: Any, most: int) -> bool:
         return not isinstance(value, bool) and 0 <= operator.index(value) <= most
     except TypeError:
         return False
+
+
+def _check_kinds(request: Request) -> list[Fault]:
+    """Check that the parts are what their names say, before they are looked into."""
+    state = request.state
+    faults = kind_faults("state", state, State, 'State(datetime(…, tzinfo=…), "STATION")')
+    if not faults:
+        aware = "a datetime with a time zone: datetime(2013, 7, 10, 18, tzinfo=UTC)"
+        faults += kind_faults("state.time", state.time, datetime, aware)
+        faults += kind_faults("state.busy_pads", state.busy_pads, Mapping, '{"STATION": drones there}')
+        faults += kind_faults("state.pads_free_s", state.pads_free_s, Mapping, '{"STATION": (POSIX seconds, …)}')
+        place: Any = state.position
+        if place is not None and not (isinstance(place, tuple | list) and len(place) == 2):
+            remedy = "(lat, lon), degrees"
+            faults.append(Fault("is not a place", field="state.position", value=repr(place), remedy=remedy))
+    faults += kind_faults("not_before", request.not_before, (datetime, NoneType), "a datetime with a time zone")
+    faults += kind_faults("stop_at", request.stop_at, (tuple, list), '("STATION", …)')
+    return faults
 
 
 def _check_state(state: State) -> list[Fault]:

@@ -54,6 +54,60 @@ def test_a_text_that_is_no_objective_is_refused(text):
         skyway.Request(state=skyway.State(DEPART, "a"), destination="c", payload_kg=0.5, objective=text)
 
 
+def _request(**more):
+    return skyway.Request(**({"state": skyway.State(DEPART, "a"), "destination": "c", "payload_kg": 0.5} | more))
+
+
+def _built(stations=STATIONS, **more):
+    return skyway.build_scenario(stations, **more)
+
+
+MISTAKES = {
+    r"state\.time: is not a datetime \(got '2024-05-01T12:00Z'\); a datetime with a time zone: ": lambda: _request(
+        state=skyway.State("2024-05-01T12:00Z", "a")
+    ),
+    r"state: is not a State \(got 'a'\); State\(": lambda: _request(state="a"),
+    r"state\.position: is not a place .*; \(lat, lon\), degrees": lambda: _request(
+        state=skyway.State(DEPART, position=(40.7,))
+    ),
+    r"state\.busy_pads: is not a Mapping": lambda: _request(state=skyway.State(DEPART, "a", busy_pads=["b"])),
+    r"not_before: is not a datetime": lambda: _request(not_before="2024-05-01T12:00Z"),
+    r"stop_at: is not a tuple \(got 'b'\)": lambda: _request(stop_at="b"),
+    r"payload_kg: is not a number but text \(got '0\.5'\)": lambda: _request(payload_kg="0.5"),
+    r"scenario: is not a Scenario \(got 'newyork'\); read_scenario\(": lambda: skyway.plan("newyork", _request()),
+    r"request: is not a Request \(got 'c'\); Request\(": lambda: skyway.plan(_built(), "c"),
+    r"forecast: is not a WindEnsemble \(got '5@270'\); such as constant_wind\(": lambda: skyway.plan(
+        _built(), _request(), forecast="5@270"
+    ),
+    r"planners: is one name \(got 'pfs'\); a list of names: \['pfs'\]": lambda: skyway.compare(
+        _built(), _request(), "pfs"
+    ),
+    r"no wind record; in Python give plan a forecast=, such as constant_wind\(.*build_scenario a history=$": lambda: (
+        skyway.plan(_built(), _request())
+    ),
+    r"stations: there is none; give at least one": lambda: _built([]),
+    r"lat: station a: latitude out of range \(got '140\.7'\); lat and lon may be swapped": lambda: _built(
+        [skyway.Station("a", "A", 140.7, -74.0)]
+    ),
+    r"lon: station a: is not a number but text": lambda: _built([skyway.Station("a", "A", 40.7, "-74")]),
+    r"lat: station a: latitude out of range \(got 'nan'\)": lambda: _built([skyway.Station("a", "A", math.nan, 0.0)]),
+    r"lat: station a: latitude out of range \(got '95\.0'\)": lambda: _built([{"id": "a", "lat": 95, "lon": 0}]),
+    r"drones\[0\]: is not a Drone \(got 'm200'\)": lambda: _built(drones=["m200"]),
+    r"segments: is not a pair": lambda: _built(segments=["ab"]),
+    r"speed_mps: is not a number but text": lambda: skyway.constant_wind("5", 270, DEPART, 48, 40.7, -74.0, 60.0),
+    r"time: is not a time .*; a datetime with a time zone": lambda: skyway.constant_wind(
+        5, 270, "2024-05-01", 48, 40.7, -74.0, 60.0
+    ),
+    r"path: is not a str": lambda: skyway.read_scenario(7),
+}
+
+
+@pytest.mark.parametrize("told", MISTAKES)
+def test_a_wrong_argument_is_named_with_its_value_and_a_remedy(told):
+    with pytest.raises(skyway.InputError, match=told):
+        MISTAKES[told]()
+
+
 @pytest.mark.parametrize("what", ["scenario", "network", "load", "history", "forecast", "result", "composition"])
 def test_what_a_prompt_shows_is_one_short_line(what, answer):
     scenario = skyway.read_scenario(skyway.NEW_YORK)
