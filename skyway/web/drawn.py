@@ -115,11 +115,11 @@ def arrivals(plan: dict[str, Any], zone: tzinfo) -> str:
             f'<text class="mark-name" x="{x + dx:.1f}" y="{top - 2 + 13 * (row % 3):g}" text-anchor="{anchor}">{words}</text>'
         )
     parts.append(f'<text class="name" x="{LEFT - 8:g}" y="{bottom:g}" text-anchor="end">arrival</text>')
-    if found["beyond"] > 0.0:
-        parts.append(
-            f'<text class="tick" x="{WIDTH - RIGHT:g}" y="{bottom - 4:g}" text-anchor="end">{percent(found["beyond"], 1)} later</text>'
-        )
     said = ", ".join(f"{words} by {_clock(at_s, zone)}" for at_s, words, _ in sorted(marks))
+    if found["beyond"] > 0.0:
+        beyond = f"{percent(found['beyond'], 1)} arrive after {_clock(edges[-1], zone)}"
+        parts.append(f'<text class="tick" x="{WIDTH - RIGHT:g}" y="{bottom - 4:g}" text-anchor="end">{beyond}</text>')
+        said += f", {beyond}"
     return _svg("".join(parts), bottom + 20.0, f"Distribution of the arrival: {said}")
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import shlex
+from datetime import UTC
 
 import msgspec
 import pytest
@@ -63,6 +64,13 @@ def test_the_page_and_the_command_name_the_same_energies(capsys):
     assert f"<dt>energy, typically</dt><dd>{typically}<span class='small'>{on_average} on average; " in tiles
     (line,) = [one for one in told.splitlines() if one.startswith("Typical total:")]
     assert f"{typically} ({on_average} on average)" in line
+
+
+def test_arrivals_beyond_the_axis_are_told_with_the_time_at_its_end():
+    arrivals = {"edges_s": [3600.0, 7200.0, 10800.0], "share": [0.9, 0.095], "beyond": 0.005, "quantiles_s": {"0.5": 5000.0, "0.95": 7000.0}}  # fmt: skip
+    told = drawn.arrivals({"arrivals": arrivals, "deadline_s": 18000.0, "depart_s": 3000.0}, UTC)
+    assert ">0.5 % arrive after 03:00</text>" in told
+    assert "later" not in told
 
 
 def test_the_ground_of_the_map_is_that_of_the_terrain_model(hills):

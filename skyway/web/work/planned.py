@@ -203,7 +203,7 @@ def _bars(result: PlanResult) -> list[dict[str, Any]]:
 
 
 def _arrivals(result: PlanResult) -> dict[str, Any] | None:
-    """Share of the simulated deliveries by arrival; the last twentieth of a percent is not drawn."""
+    """Share of the simulated deliveries by arrival; the last half percent is not drawn."""
     outcome = result.outcome
     if not len(outcome.weight) or float(np.ptp(outcome.arrival_s)) < 1.0:
         return None
