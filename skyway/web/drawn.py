@@ -267,7 +267,10 @@ def heights(legs: Sequence[dict[str, Any]], wanted: Preferences) -> str:
 
 
 def _svg(inner: str, height: float, words: str) -> str:
-    return f'<svg class="chart" viewBox="0 0 {WIDTH:g} {height:g}" role="img" aria-label="{safe(words)}">{inner}</svg>'
+    drawing = (
+        f'<svg class="chart" viewBox="0 0 {WIDTH:g} {height:g}" role="img" aria-label="{safe(words)}">{inner}</svg>'
+    )
+    return f'<div class="scroll">{drawing}</div>'
 
 
 def _clock(at_s: float, zone: tzinfo) -> str:

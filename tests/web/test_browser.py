@@ -16,6 +16,8 @@ from tests.web.conftest import ended, served
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
+SMALLEST = """() => Math.min(99, ...[...document.querySelectorAll('.scroll > svg.chart')].map((one) => 11.5 * one.clientWidth / one.viewBox.baseVal.width))"""
+"""Size of the smallest letters of the charts, in px."""
 WIDTHS = (320, 360, 390, 768, 1280)
 QUESTION = "/?start=siuh-north&to=white-plains&depart=2013-07-10T14%3A00-04%3A00"
 
@@ -224,6 +226,21 @@ def test_no_page_is_wider_than_its_window(opened, path, scheme):
         tab.wait_for_timeout(300)
         assert tab.evaluate(WIDER) == [], width
         assert tab.evaluate("document.querySelector('.brand').getBoundingClientRect().top") >= 4.0, width
+        assert tab.evaluate(SMALLEST) >= 8.5, width
+
+
+def test_no_name_of_a_station_is_cut_off_where_the_map_ends(opened):
+    tab = opened("/", 390, 800)
+    tab.wait_for_function("window.skywayMap?.state.region && window.skywayMap.view.width > 1")
+    tab.evaluate(
+        """() => { window.written = []; const kind = CanvasRenderingContext2D.prototype, before = kind.fillText;
+            kind.fillText = function (words, x, y) { window.written.push([words, x, x + this.measureText(words).width]); before.call(this, words, x, y); }; }"""
+    )
+    tab.set_viewport_size({"width": 360, "height": 800})
+    tab.wait_for_function("window.skywayMap.view.width === 360 && window.written.length > 20")
+    cut = """() => { const map = window.skywayMap, ids = new Set(map.state.region.stations.map((one) => one.id)), wide = map.view.width;
+        return window.written.filter(([words, from, to]) => ids.has(words) && from < wide && to > wide).map(([words]) => words); }"""
+    assert tab.evaluate(cut) == []
 
 
 def test_a_mission_is_dropped_mended_and_converted(opened, page, tmp_path):

@@ -273,11 +273,13 @@ function stations(c, view, state, colours, map, taken) {
   });
   c.font = "12px system-ui, sans-serif";
   later.sort((a, b) => a[0] - b[0]);
-  for (const [order, number, x, y, radius] of later) label(c, view, state.region.stations[number].id, x + radius + 4, y + 4, colours, taken, order === 0);
+  for (const [order, number, x, y, radius] of later) label(c, view, state.region.stations[number].id, x, radius + 4, y + 4, colours, taken, order === 0);
 }
 
-function label(c, view, words, x, y, colours, taken, bold) {
+// The name of a place, to its right; to its left where the map ends.
+function label(c, view, words, at, gap, y, colours, taken, bold) {
   const wide = c.measureText(words).width + 4;
+  const x = at < view.width && at + gap + wide > view.width ? at - gap - wide : at + gap;
   const box = [x - 2, y - 11, x + wide, y + 4];
   if (taken.length > 400 || taken.some((t) => box[0] < t[2] && box[2] > t[0] && box[1] < t[3] && box[3] > t[1])) return;
   taken.push(box);
@@ -372,7 +374,7 @@ function vehicles(c, view, found, colours, taken) {
     c.restore();
     if (found.length <= 60 && one.name) {
       c.font = "12px system-ui, sans-serif";
-      label(c, view, one.name, x + 11, y + 4, colours, taken, true);
+      label(c, view, one.name, x, 11, y + 4, colours, taken, true);
     }
   }
 }
@@ -413,7 +415,7 @@ function reach(c, view, state, colours, taken) {
     c.stroke();
     c.setLineDash([]);
     c.font = "600 12px system-ui, sans-serif";
-    label(c, view, `${minutes} min, ${Math.round(100 * soc)} %`, x + 18, y + 20, colours, taken, true);
+    label(c, view, `${minutes} min, ${Math.round(100 * soc)} %`, x, 18, y + 20, colours, taken, true);
   }
 }
 
