@@ -136,14 +136,13 @@ def uploading(ctx: Context) -> After:
         (MissionKind.RALLY, leg.document.rally if len(leg.document.rally) else None),
         (MissionKind.MISSION, leg.document.mission),
     )
-    ctx.texts.last_mission = ctx.delivery.flight > 0
-    for kind, part in parts:
-        reason = _upload(ctx, kind, part)
-        if reason:
-            remedy = "Check the radio link, then continue with --resume"
-            return State.STOPPED, f"the {kind.word} could not be uploaded: {reason}. {remedy}"
-    tell_texts(ctx)
-    ctx.texts.last_mission = False
+    with ctx.texts.of_last_mission(on_board=ctx.delivery.flight > 0):
+        for kind, part in parts:
+            reason = _upload(ctx, kind, part)
+            if reason:
+                remedy = "Check the radio link, then continue with --resume"
+                return State.STOPPED, f"the {kind.word} could not be uploaded: {reason}. {remedy}"
+        tell_texts(ctx)
     ctx.vehicle.changes()  # the lists that were just uploaded
     ctx.vehicle.watch_lists(watched=True)
     ctx.delivery.take_leg(_new_leg(ctx, service, leg))

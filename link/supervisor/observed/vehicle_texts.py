@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
@@ -55,9 +56,22 @@ class TextLog:
     """
 
     latest: Said | None = None
-    last_mission: bool = False
-    """The next leg is uploaded while the mission of the last one is on board: the vehicle checks that one against the new fence."""
     _said: dict[str, Said] = field(default_factory=dict)
+    _last_mission: bool = False
+
+    @contextmanager
+    def of_last_mission(self, *, on_board: bool) -> Iterator[None]:
+        """Meanwhile the next leg is uploaded; where the mission of the last one is on board, the vehicle checks that against the new fence."""
+        self._last_mission = on_board
+        try:
+            yield
+        finally:
+            self._last_mission = False
+
+    def explained(self, said: Said) -> str:
+        """Return a message, with the mission that it is about where that is not the next one."""
+        old = self._last_mission and _ABOUT_MISSION.search(said.text)
+        return f"{said}{_OLD_MISSION if old else ''}"
 
     def hear(self, texts: Iterable[tuple[int, str]], now_s: float) -> list[Said]:
         """Process new messages; return those to be shown or journaled now."""
@@ -94,5 +108,4 @@ def tell_texts(ctx: Context) -> None:
         word = SEVERITIES[min(max(said.severity, 0), len(SEVERITIES) - 1)]
         ctx.note(TextHeard(text=said.text, severity=word, count=said.count), str(said))
         if said.severity <= NOTICE:
-            old = ctx.texts.last_mission and _ABOUT_MISSION.search(said.text)
-            ctx.tell(f"the drone reports: {said}{_OLD_MISSION if old else ''}")
+            ctx.tell(f"the drone reports: {ctx.texts.explained(said)}")
