@@ -172,7 +172,8 @@ def tell_end(options: DemoOptions, outcome: Outcome) -> list[str]:
     from skyway.report.report import write_report
     from skyway.scenarios import load_scenario
 
-    zone = ZoneInfo(load_scenario(None).timezone)
+    scenario = load_scenario(None)
+    zone = ZoneInfo(scenario.timezone)
     journal = options.folder / "journal.jsonl"
     records = read_journal(journal).records
     decided = [r for r in records if r.event == "decision"]
@@ -181,7 +182,7 @@ def tell_end(options: DemoOptions, outcome: Outcome) -> list[str]:
     lines = [f"replanned {times}, with measurements from the flight:"] if turned else []
     lines += [f"  {zone_clock(from_posix(r.time_s), zone)}  {r.data['action']}: {r.reason}" for r in turned]
     report = options.folder / "report.html"
-    write_report(journal, report, force=True)
+    write_report(journal, report, scenario=scenario, force=True)
     seen = [str(report), str(options.folder / "plan.json"), str(journal)]
     word = "delivered" if outcome.delivered else outcome.state
     lines.append(f"{word}: {outcome.reason}")

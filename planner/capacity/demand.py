@@ -135,7 +135,7 @@ def pattern_of(scenario: Scenario, orders: Sequence[Order], drone: Drone) -> tup
                 f"up to {drone.max_payload_kg:g} kg",
             )
             for one in work.orders
-            if work.too_heavy(one)
+            if not work.carriers(one)
         ]
     )
 

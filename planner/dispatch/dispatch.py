@@ -259,20 +259,19 @@ def _explained(
         reason, hopeless = "the drones and pads serve orders of greater weight", False
         if alone is not None and count < MAX_EXPLAINED:
             latest = float(laid.problem.orders.latest_s[number])
-            reason, hopeless = _alone(work, alone, number, reason, latest, never)
+            found, hopeless = _alone(work, alone, number, reason, latest)
+            reason = found or never(order)
             if hopeless and at_best is not None:
-                hopeless = _alone(work, at_best, number, reason, latest, never)[1]
+                hopeless = _alone(work, at_best, number, reason, latest)[1]
         answers[number] = Answer(order=order.id, status="refused", reason=reason, hopeless=hopeless)
     return [answers[number] for number in range(len(work.orders))]
 
 
-def _alone(
-    work: Work, alone: Search, number: int, otherwise: str, latest_s: float, never: _WhyNever
-) -> tuple[str, bool]:
-    """Return the reason why an order is not served, from its outcome as the only order, and whether even that is infeasible."""
+def _alone(work: Work, alone: Search, number: int, otherwise: str, latest_s: float) -> tuple[str | None, bool]:
+    """Return the reason why an order is not served, from its outcome as the only order, and whether even that is infeasible; no reason if no drone can serve it at all."""
     drones, added, position = alone.tried(number)
     if not len(drones) or not np.isfinite(added).any():
-        return never(work.orders[number]), True
+        return None, True
     best = int(np.argmin(added))
     drone = int(drones[best])
     before = alone.saved(drone)

@@ -42,7 +42,7 @@ ABSENT_WALL_S = 90.0
 HELD_WALL_S = 0.05
 """How often, of the wall's time, participants with the name of one that is waited for are answered: they try to take its place."""
 IDLE_WALL_S, LOOK_WALL_S = 600.0, 2.0
-"""A world in which nobody takes part for so long ends; how often it looks meanwhile whether it is over."""
+"""A world ends after so long without participants; how often it looks meanwhile whether it is over."""
 AWAITED_WALL_S = 300.0
 """So long it stands still until somebody comes who was announced."""
 MAX_FRAME = 1 << 20
@@ -77,7 +77,7 @@ class Absent:
 
 
 class SharedLockstep:
-    """A world with participants; `serve` runs it until it is ended, or nobody takes part for long.
+    """A world with participants; `serve` runs it until it is ended, or has been without participants for long.
 
     Parameters
     ----------
@@ -86,7 +86,7 @@ class SharedLockstep:
     host, port : str, int
         Where it listens.
     over : callable
-        Whether nobody will take part any more; asked while nobody does.
+        Whether no participant can come any more; asked while there is none.
     """
 
     def __init__(
@@ -101,7 +101,7 @@ class SharedLockstep:
         self.ended = False
 
     def serve(self) -> None:
-        """Let time pass until a client ends it (order ``end``), or nobody takes part and it is over, or nobody does for long."""
+        """Let time pass until a client ends it (order ``end``), or it has no participants and is over, or has had none for long."""
         while not self.ended:
             running = [one for one in self._all.values() if one.until_s is None]
             if running:

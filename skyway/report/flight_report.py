@@ -7,7 +7,7 @@ from zoneinfo import ZoneInfo
 
 import msgspec
 
-from skyway.models.base.formatting import zone_name
+from skyway.models.base.formatting import local_clock, zone_name
 
 if TYPE_CHECKING:
     from skyway.link.supervisor.journal import parts
@@ -275,6 +275,10 @@ class FlightReport(msgspec.Struct, frozen=True, kw_only=True):
     def zone(self) -> ZoneInfo:
         """In which times are told."""
         return ZoneInfo(self.timezone)
+
+    def clock(self, at_s: float | None) -> str:
+        """Return the time of day of POSIX seconds in this zone: ``14:03:22``."""
+        return local_clock(at_s, self.zone)
 
     @property
     def zone_name(self) -> str:

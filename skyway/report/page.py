@@ -13,7 +13,6 @@ from skyway.models.base.formatting import (
     date_clock,
     distance_text,
     duration,
-    local_clock,
     mass_text,
     percent,
     speed_text,
@@ -162,7 +161,7 @@ def _story(document: FlightReport) -> str:
     speeds = sum(1 for d in document.decisions if d.action == "speed")
     told = rows(
         (f"at, {document.zone_name}", "what and why"),
-        [(local_clock(at_s, document.zone), text) for at_s, text in sorted(lines)],
+        [(document.clock(at_s), text) for at_s, text in sorted(lines)],
         "tw",
     )
     if not lines:
@@ -205,7 +204,7 @@ def _legs(document: FlightReport) -> str:
             to += f", landed at {leg.landed_at or 'an unknown place'}"
         body.append(
             (
-                str(leg.flight), leg.origin or UNKNOWN, to, local_clock(leg.depart_s, document.zone), counter(leg.flight_s),
+                str(leg.flight), leg.origin or UNKNOWN, to, document.clock(leg.depart_s), counter(leg.flight_s),
                 f"({counter(leg.planned_s)})", percent(leg.soc_depart), percent(leg.soc_land),
                 f"({percent(leg.planned_soc)})", percent(leg.used_soc), f"({percent(leg.modelled_soc)})",
                 distance_text(leg.most_cross_track_m), ", ".join(leg.diverts) or "none",
@@ -255,7 +254,7 @@ def _stops(document: FlightReport) -> str:
             planned.remove(was)  # a station may be landed at twice
         body.append(
             (
-                stop.station or UNKNOWN, local_clock(stop.arrive_s, document.zone), local_clock(stop.leave_s, document.zone), counter(stop.wait_s),
+                stop.station or UNKNOWN, document.clock(stop.arrive_s), document.clock(stop.leave_s), counter(stop.wait_s),
                 "no stop" if was is None else counter(was.wait_s), counter(stop.charge_s),
                 "no stop" if was is None else counter(was.charge_s),
                 f"{percent(stop.soc_from)} > {percent(stop.soc_to)}",
@@ -268,7 +267,7 @@ def _stops(document: FlightReport) -> str:
 def _decisions(document: FlightReport) -> str:
     body = [
         (
-            local_clock(d.time_s, document.zone), str(d.flight), d.where or UNKNOWN, d.action or UNKNOWN, d.reason or "none",
+            document.clock(d.time_s), str(d.flight), d.where or UNKNOWN, d.action or UNKNOWN, d.reason or "none",
             percent(d.figures.get("soc")), percent(d.figures.get("soc_land", d.figures.get("planned_soc"))),
         )
         for d in document.decisions
@@ -281,15 +280,12 @@ def _decisions(document: FlightReport) -> str:
 
 
 def _plans(document: FlightReport) -> str:
-    body = [
-        (local_clock(p.time_s, document.zone), " > ".join(p.route) or "no plan", p.reason or "none")
-        for p in document.plans
-    ]
+    body = [(document.clock(p.time_s), " > ".join(p.route) or "no plan", p.reason or "none") for p in document.plans]
     return rows((f"at, {document.zone_name}", "route", "because"), body, "tww")
 
 
 def _seen(document: FlightReport) -> str:
-    aircraft = [(local_clock(one.time_s, document.zone), str(one.flight), one.said) for one in document.aircraft]
+    aircraft = [(document.clock(one.time_s), str(one.flight), one.said) for one in document.aircraft]
     told = (
         rows((f"at, {document.zone_name}", "flight", "other aircraft"), aircraft, "tnw")
         if aircraft
@@ -308,7 +304,7 @@ def _preflights(document: FlightReport) -> str:
             for check in entry.checks
         ]
         parts.append(
-            f"<details><summary>{local_clock(entry.time_s, document.zone)}, before flight {entry.flight + 1}: "
+            f"<details><summary>{document.clock(entry.time_s)}, before flight {entry.flight + 1}: "
             f"{safe(entry.reason or UNKNOWN)}</summary>"
             f'<div class="wide"><table><tbody>{"".join(lines)}</tbody></table></div></details>'
         )
@@ -317,9 +313,7 @@ def _preflights(document: FlightReport) -> str:
 
 def _events(document: FlightReport) -> str:
     events = document.events
-    body = [
-        (str(e.n), local_clock(e.time_s, document.zone), e.state, e.event, e.reason or "") for e in events[:_MAX_EVENTS]
-    ]
+    body = [(str(e.n), document.clock(e.time_s), e.state, e.event, e.reason or "") for e in events[:_MAX_EVENTS]]
     more = "" if len(events) <= _MAX_EVENTS else f"<p>{len(events) - _MAX_EVENTS} more are in the journal.</p>"
     table = rows(("n", f"at, {document.zone_name}", "state", "event", "what"), body, "ntttw")
     return f"<details><summary>{len(events)} events, without telemetry</summary>{table}{more}</details>"

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from skyway.link.supervisor.journal import entries
 from skyway.link.supervisor.journal import fields as of
-from skyway.models.base.formatting import UNKNOWN, local_clock, percent, spent
+from skyway.models.base.formatting import UNKNOWN, percent, spent
 from skyway.report.flight_report import AircraftSeen, RadioSeen, RemoteIdSeen
 
 if TYPE_CHECKING:
@@ -92,7 +92,7 @@ def radio_rows(document: FlightReport) -> list[tuple[str, ...]]:
     return [
         (
             one.radio, percent(one.used_share), str(one.received), percent(one.loss), percent(one.worst_loss),
-            UNKNOWN if one.worst_at_s is None else local_clock(one.worst_at_s, document.zone), _time(one.delay_s), _time(one.round_trip_s),
+            UNKNOWN if one.worst_at_s is None else document.clock(one.worst_at_s), _time(one.delay_s), _time(one.round_trip_s),
             _number(one.lowest_rssi), _number(one.worst_margin),
         )
         for one in document.radios
@@ -105,9 +105,7 @@ def remote_id_line(document: FlightReport) -> str:
     if found is None:
         return "Remote ID: not in the journal."
     told = ", ".join(one for one in (found.operator, found.self_id) if one) or "no operator was given"
-    return f"Remote ID: {told}; " + "; ".join(
-        f"{local_clock(one.time_s, document.zone)} {one.said}" for one in found.said
-    )
+    return f"Remote ID: {told}; " + "; ".join(f"{document.clock(one.time_s)} {one.said}" for one in found.said)
 
 
 def _time(seconds: float | None) -> str:

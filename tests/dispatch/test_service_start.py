@@ -32,7 +32,7 @@ def test_a_dispatcher_says_once_that_another_one_leads_and_leaves_no_lease_when_
     assert said[0].startswith("another process leads this service")
 
 
-def test_the_world_of_a_service_that_has_ended_ends_once_nobody_takes_part(tmp_path):
+def test_the_world_of_a_service_that_has_ended_ends_once_it_has_no_participants(tmp_path):
     """Its dispatcher was killed while it waited for the last flights, and ends it no more."""
     name = str(tmp_path / "ledger.db")
     service = ServiceRecord(begin_s=START.timestamp(), folder=str(tmp_path), ledger=name)
