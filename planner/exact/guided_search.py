@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 import time
 from dataclasses import replace
-from functools import cache, partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -20,7 +19,7 @@ from skyway.planner.problem.kernel_inputs import check_shape, check_speeds
 from skyway.planner.problem.speeds import GivenSpeeds, TrueSpeeds
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping
+    from collections.abc import Mapping
 
     from numpy.typing import NDArray
 
@@ -235,15 +234,12 @@ class GuidedSearch:
                 least + (beyond * cells.step_s if near else beyond * (least - start.time_s) + 2.0 * cells.step_s),
                 deadline_s,
             )
-            narrowed = cache(partial(guided, part, self._costs, forward, needed, self._come_by_s(until)))
-            least, hard = self._bound_by(gates, part, needed, (least, until), made, narrowed)
+            least, hard = self._bound_by(gates, part, forward, needed, (least, until), made)
             if self._proved() or (not part.whole and self._answer is not None and self.best_s <= least + GAIN_S):
                 return
             if least < min(until, self._better_s):
-                narrow = narrowed()
-                if until > self._better_s:
-                    until = self._better_s
-                    narrow = guided(narrow[0], self._costs, narrow[2], needed, self._come_by_s(until))
+                until = min(until, self._better_s)
+                narrow = guided(part, self._costs, forward, needed, self._come_by_s(until))
                 if not hard:
                     one = self._run(*narrow, needed, until, self._stop_at, least_s=least, made=made)
                     hard = one.is_hard
@@ -269,18 +265,18 @@ class GuidedSearch:
         self,
         gates: list[Gate],
         part: Subnetwork,
+        forward: Forward,
         needed: NDArray[np.float64],
         between_s: tuple[float, float],
         made: float,
-        narrowed: Callable[[], tuple[Subnetwork, Guide, Forward]],
     ) -> tuple[float, bool]:
         """Return the latest time before which nothing arrives, of two: what searches from gates on find; and whether one made too many labels.
 
-        A gate that bounds no further is removed. `narrowed` gives what deliveries until the later time use.
+        A gate that bounds no further is removed. `forward` is what can be had from the origin on.
         """
         least, until = between_s
         for gate in tuple(gates):
-            found, one = self._bound_after(gate, part, needed, until, made, narrowed)
+            found, one = self._bound_after(gate, part, forward, needed, until, made)
             if one.is_hard:
                 return least, True
             least = max(least, found)
@@ -293,15 +289,15 @@ class GuidedSearch:
         self,
         gate: Gate,
         part: Subnetwork,
+        forward: Forward,
         needed: NDArray[np.float64],
         until_s: float,
         made: float,
-        narrowed: Callable[[], tuple[Subnetwork, Guide, Forward]],
     ) -> tuple[float, Round]:
         """Return a time before which nothing arrives, up to `until_s`, and the search from a gate on that finds it.
 
         Where there is a way to the station where its best delivery begins, with all that can be had there, that is the answer. The search ends
-        when it has `made` so many labels. `narrowed` gives what deliveries until then use.
+        when it has `made` so many labels. `forward` is what can be had from the origin on.
         """
         come_by = self._come_by_s(until_s)
         small, guide, after = guided(part, self._costs, gate.forward, needed, come_by, landed_by=gate.landed_by)
@@ -322,11 +318,10 @@ class GuidedSearch:
             return least, one
         walks = [np.array(leg.segments) for leg in one.stop_labels.trace(*one.best)]
         network, segments = self.problem.network, np.concatenate(walks)
-        small, _, before = narrowed()
-        over = np.isin(small.nodes, (network.tail[segments], network.head[segments]))
-        mask = gate.only_over(over, before.over.shape)
+        over = np.isin(part.nodes, (network.tail[segments], network.head[segments]))
+        mask = gate.only_over(over, forward.over.shape)
         until_s = min(until_s, least + self.parameters.gate_late_s)
-        narrow = guided(small, self._costs, before, needed, self._come_by_s(until_s), within=mask)
+        narrow = guided(part, self._costs, forward, needed, self._come_by_s(until_s), within=mask)
         self._run(*narrow, needed, until_s, self._stop_at, self.parameters.gate_labels, least, proves=False)
         return least, one
 
