@@ -48,6 +48,8 @@ class Gated:
     """Least charge; None where no charge does."""
     leg_soc: float = 0.0
     """Charge that would do if not every point had to have a divert station."""
+    used_soc: float = 1.0
+    """Charge that the leg takes on average, as far as it must be sure of it."""
     diverts: tuple[str, ...] = ()
     """Divert stations that every point has one of."""
     why: str = ""
@@ -218,13 +220,14 @@ class DepartureGate:
                 else ""
             )
             why = f"even fully charged the drone lands below {percent(self._reserve)}{on} at {sure[-1]} with probability {probability(chance)}"
-            return Gated(names, why=f"the leg to {sure[-1]} is not flown: {why}", p_below=chance)
+            why = f"the leg to {sure[-1]} is not flown: {why}"
+            return Gated(names, used_soc=self._mean_soc(reach, taken), why=why, p_below=chance)
         covered = self._covered(
             reach, way, at_s, max(least, at_least, step.charge if step.turn_back is not None else 0.0), sure[-1]
         )
         if isinstance(covered, float):
-            why = f"from {distance_text(covered)} on no divert station is in reach, even fully charged"
-            return Gated(names, why=f"the leg to {sure[-1]} is not flown: {why}", p_below=1.0)
+            why = f"the leg to {sure[-1]} is not flown: from {distance_text(covered)} on no divert station is in reach, even fully charged"
+            return Gated(names, used_soc=self._mean_soc(reach, taken), why=why, p_below=1.0)
         soc, diverts = covered
         held, figures = (
             self._not_landed_at(step, at_s)
@@ -232,7 +235,13 @@ class DepartureGate:
             or self._held(way, at_s, sure[-1])
         )
         hopeless = len(sure) < len(names) and self._hopeless(names, at_s, max(soc, step.charge))
-        return Gated(names, soc, least, diverts, held=held, figures=figures, hopeless=hopeless)
+        return Gated(
+            names, soc, least, self._mean_soc(reach, taken), diverts, held=held, figures=figures, hopeless=hopeless
+        )
+
+    @staticmethod
+    def _mean_soc(reach: Reach, taken: _Taken) -> float:
+        return reach.belief.mean_ratio * float(reach.expected(taken.cost[:, 0]))
 
     def _take_off_s(self, step: Step) -> float:
         """When it is charged as the step says, POSIX seconds."""
@@ -363,7 +372,7 @@ class DepartureGate:
         present = self._info.busy_pads.get(end) if scenario.network.pads[node] else None
         if present is None or not self._info.watched:
             return 0.0
-        lands_soc = soc - reach.belief.mean_ratio * float(reach.expected(taken.cost[:, 0]))
+        lands_soc = soc - self._mean_soc(reach, taken)
         hover_s = max(lands_soc - self._kept_at(end), 0.0) / reach.soc_per_s
         return turned_for_room_probability(
             scenario,

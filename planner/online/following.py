@@ -27,9 +27,11 @@ if TYPE_CHECKING:
 
     from skyway.models.drones.energy_belief import EnergyBelief
     from skyway.planner.online.futures import Future
+    from skyway.planner.online.later_charges import LaterCharges
     from skyway.planner.online.turn_back_kernels import TurnBack
     from skyway.planner.problem.error_model import Errors
     from skyway.planner.problem.problem import Problem
+    from skyway.planner.schedule.itinerary import Itinerary
 
 
 @dataclass(frozen=True)
@@ -59,7 +61,8 @@ class Following:
     is over. Errors are gusts that no forecast tells, the belief is about the next flight. Where the wind is `measured`
     at every change, it thinks again then. A flight that is `watched` and would not keep the reserve is turned elsewhere
     while it can be: it is worth a try with what most probably is enough.
-    `quick` takes lower bounds for arrivals on large networks, of whose ways nothing else is wanted then.
+    `quick` takes lower bounds for arrivals on large networks, of whose ways nothing else is wanted then. Legs after it leave with what `later` tells,
+    except on large networks.
     """
 
     def __init__(
@@ -72,9 +75,11 @@ class Following:
         measured: bool = True,
         watched: bool = False,
         quick: bool = False,
+        later: LaterCharges | None = None,
     ) -> None:
         self._large = problem.parameters.robust.is_large(len(problem.network))
         self._quick = quick and self._large
+        self._later = None if self._large else later
         self.parameters = online = problem.parameters.online
         sd = math.hypot(belief.sd_between / belief.mean_ratio, online.wind_spread if watched else 0.0)
         self._relative = replace(belief, mean_ratio=1.0, sd_between=sd, sd_within=0.0)
@@ -113,6 +118,11 @@ class Following:
         way, deviation = np.asarray(segments, dtype=np.int64), 0.0 if self._watched else self._relative.sd_between
         energy, _ = flight_energy(self._known, 0, way, time_s, still, still, cost, deviation)
         return p.reserve + energy
+
+    def sure_of(self, segments: tuple[int, ...]) -> int:
+        """Number of segments to the first station on the way with pads and likely room; 0 if there is none."""
+        head = self.problem.network.head
+        return next((count for count, one in enumerate(segments, start=1) if self.likely_free_at[head[one]]), 0)
 
     @cached_property
     def likely_free_at(self) -> NDArray[np.bool_]:
@@ -289,14 +299,41 @@ class Following:
     def _best_s(self, after: Problem, future: Future) -> float:
         """Best arrival in a future from a later state."""
         search = self._search(after, future)
-        found_s = (
-            search.bound_s(self.parameters.near_stations)
-            if self._quick
-            else search.best_s
-            if search.find()
-            else math.inf
-        )
+        way = None if self._quick else search.find()
+        found_s = search.bound_s(self.parameters.near_stations) if self._quick else search.best_s if way else math.inf
         if math.isinf(found_s):
             return self._stuck_s
         self.arrives = True
-        return found_s
+        if way is None or self._later is None:
+            return found_s
+        as_found = self._flown_s(after, future, way, None)
+        checked = self._flown_s(after, future, way, self._later)
+        return min(found_s + max(checked - as_found, 0.0), self._stuck_s) if as_found < math.inf else found_s
+
+    def _flown_s(self, after: Problem, future: Future, way: Itinerary, later: LaterCharges | None) -> float:
+        """Arrival of a way on, with the charges found, or what `later` tells where that is more; POSIX seconds, infinite where it is not flown."""
+        p, time_s, soc = self.problem, after.depart_s, after.soc
+        for leg in way:
+            node = int(p.network.tail[leg.segments[0]])
+            off = time_s
+            if p.has_pads(node):
+                charge = max(leg.charge_to or soc, soc)
+                if later is not None:
+                    step = Step(leg.segments, charge, self.sure_of(leg.segments))
+                    charge = max(charge, self._required(step, future, time_s, later.share(step, time_s, soc)))
+                if charge > soc + 1e-9:
+                    pad = float(future.queues[node].pad_time(time_s))
+                    off = p.charged_at(node, pad, p.charge_time_s(node, soc, charge))
+                    soc = min(charge, float(p.curve(node)[1][-1]))
+            off, down = flight_in(future, leg.segments, max(off, leg.not_before_s), self.parameters.hold_slots)
+            if down >= NEVER:
+                return math.inf
+            soc -= future.energy * self._taken(down - off)
+            time_s = float(future.queues[int(p.network.head[leg.segments[-1]])].land_time(down))
+        return time_s
+
+    def _required(self, step: Step, future: Future, time_s: float, share: float) -> float:
+        """Charge that a leg leaves with, which requires a multiple of what it takes in a future as far as it must be sure of it."""
+        sure = step.segments[: step.sure or len(step.segments)]
+        off, down = flight_in(future, sure, time_s, self.parameters.hold_slots)
+        return min(self.problem.reserve + share * future.energy * self._taken(down - off), 1.0) if down < NEVER else 0.0

@@ -32,6 +32,7 @@ if TYPE_CHECKING:
 
     from skyway.models.drones.energy_belief import EnergyBelief
     from skyway.planner.online.futures import Future
+    from skyway.planner.online.later_charges import LaterCharges
     from skyway.planner.problem.error_model import Errors
     from skyway.planner.problem.problem import Problem
     from skyway.planner.schedule.itinerary import Itinerary, Leg
@@ -81,11 +82,12 @@ class Hindsight(Following):
         watched: bool = False,
         left: frozenset[str] = frozenset(),
         quick: bool = False,
+        later: LaterCharges | None = None,
     ) -> None:
         known = belief if belief is not None else errors.energy_of(problem.drone).next_flight()
         super().__init__(
             problem, errors, known, futures or problem.parameters.online.futures, measured=measured, watched=watched,
-            quick=quick,
+            quick=quick, later=later,
         )  # fmt: skip
         self.roomy_way = True
         """Some way leads to a station with room, as far as was looked."""
@@ -93,11 +95,6 @@ class Hindsight(Following):
         self._behind = behind
         self._left = frozenset(problem.network.index[name] for name in left)
         self._closed: set[int] = set()
-
-    def sure_of(self, segments: tuple[int, ...]) -> int:
-        """Number of segments to the first station on the way with pads and likely room; 0 if there is none."""
-        head = self.problem.network.head
-        return next((count for count, one in enumerate(segments, start=1) if self.likely_free_at[head[one]]), 0)
 
     def choose(self, turning: Turning | None = None) -> Step:
         """The step with the earliest expected arrival; without segments it lands here or, on the ground, stays.

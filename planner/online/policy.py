@@ -11,19 +11,16 @@ import math
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from skyway.models.base.formatting import duration, percent
 from skyway.models.base.units import S_PER_H, from_posix
 from skyway.models.composition.composition import State
 from skyway.models.drones.airspeed_load import AirspeedLoad
-from skyway.models.wind.estimation.field import WindObservation
-from skyway.models.wind.estimation.forecast_update import MEASURED_S, slot_variance, update_forecast
 from skyway.planner.online.departure_gate import DepartureGate, Gated, Later
 from skyway.planner.online.following import Step
 from skyway.planner.online.hindsight import Hindsight
 from skyway.planner.online.in_air import FlightDecision
 from skyway.planner.online.information import Decision, Departure
+from skyway.planner.online.later_charges import LaterCharges
 from skyway.planner.online.told_plan import itinerary_of, segments_of, told_plan
 from skyway.planner.parameters.planner import USUAL
 from skyway.planner.problem.error_model import USUAL_ERRORS
@@ -37,7 +34,6 @@ if TYPE_CHECKING:
     from skyway.models.composition.composition import Composition
     from skyway.models.drones.drag import DragModel
     from skyway.models.drones.energy_belief import EnergyBelief
-    from skyway.models.network.station import Station
     from skyway.models.scenario.scenario import Scenario
     from skyway.models.wind.forecast import WindEnsemble
     from skyway.planner.online.information import Action, Information
@@ -160,9 +156,10 @@ class OnlinePolicy:
             reach = self.reach(info.forecast, belief)
             load = reach.mean_load(reach.way(start or info.station, (), self.request.destination), info.time_s)
             belief = belief.times(load)
+        later = LaterCharges(self, info, now) if info.watched and not in_flight else None
         return Hindsight(
             now, self.errors.in_forecast(info.forecast, info.time_s), belief, behind=info.behind, futures=futures, kept=kept,
-            margin=self.clear_gain_s, measured=info.measured, watched=info.watched, left=info.left, quick=quick,
+            margin=self.clear_gain_s, measured=info.measured, watched=info.watched, left=info.left, quick=quick, later=later,
         )  # fmt: skip
 
     def clear_gain_s(self, left_s: float) -> float:
@@ -264,27 +261,14 @@ class OnlinePolicy:
         relative = info.belief.times(1.0 / info.belief.mean_ratio)
         errors = replace(self.errors.in_forecast(info.forecast, info.time_s), energy=relative)
 
-        def required(leg: Leg, member: int, landed_s: float, soc: float) -> float | None:
-            node = int(seen.problem.network.tail[leg.segments[0]])
-            there = self._landed(info, member, seen.problem.network.stations[node], landed_s, soc)
+        later = LaterCharges(self, info, seen.problem)
+
+        def required(leg: Leg, landed_s: float, soc: float) -> float | None:
             charge = max(soc, leg.charge_to or 0.0)
-            gate = DepartureGate(self, there, seen.problem.standing_at(node, landed_s, soc))
-            return gate.charged(Step(leg.segments, charge, seen.sure_of(leg.segments)), charge).soc
+            return later.gated(Step(leg.segments, charge, seen.sure_of(leg.segments)), landed_s, soc).soc
 
         first = Step(step.segments, info.soc if charge_to is None else charge_to)
         return told_plan(seen, first, charge_to, errors, required)
-
-    def _landed(self, info: Information, member: int, station: Station, time_s: float, soc: float) -> Information:
-        """Return the information after a later landing, in the wind of a member: where the drone measures it on its way, it is known by then."""
-        there = replace(info, station=station.id, time_s=time_s, soc=soc, behind=0)
-        if not info.measures_wind:
-            return there
-        lat, lon = np.array([station.lat]), np.array([station.lon])
-        north, east = (float(one[member, 0]) for one in info.forecast.at_times(lat, lon, np.array([time_s])))
-        variance = slot_variance(math.hypot(north, east), MEASURED_S)
-        measured = WindObservation(time_s, station.lat, station.lon, north, east, variance)
-        forecast = update_forecast(info.forecast, [measured], least_members=self.parameters.least_members)
-        return replace(there, near_forecast=forecast, wind_measured_s=time_s)
 
     def _leaving(
         self, info: Information, seen: Hindsight, step: Step, gated: Gated, least: float, *, tell: bool

@@ -30,9 +30,8 @@ if TYPE_CHECKING:
     from skyway.planner.schedule.outcome import Outcome
 
 
-Required = Callable[[Leg, int, float, float], float | None]
-"""Charge without which a leg is not begun, by the member of the forecast that most probably blows, the landing before it, POSIX seconds, and the charge then;
-None: no charge opens it."""
+Required = Callable[[Leg, float, float], float | None]
+"""Charge without which a leg is not begun, by the landing before it, POSIX seconds, and the charge then; None: no charge opens it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -150,8 +149,8 @@ def _with_required(problem: Problem, itinerary: Itinerary, required: Required) -
         leg = itinerary[number]
         if leg.charge_to is None:
             continue
-        member, course = typical_member(problem, itinerary)
-        least = required(leg, member, float(course[number - 1, TOUCH_DOWN]), float(course[number - 1, SOC_LANDING]))
+        _, course = typical_member(problem, itinerary)
+        least = required(leg, float(course[number - 1, TOUCH_DOWN]), float(course[number - 1, SOC_LANDING]))
         if least is None:
             closed = closed or leg
         raised = replace(leg, charge_to=1.0 if least is None else max(leg.charge_to, least))
