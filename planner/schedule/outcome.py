@@ -45,7 +45,7 @@ class Outcome:
     p_success: float
     """Probability that every landing keeps the reserve, that of the way on from a target without pads included."""
     p_arrive: float
-    """Probability that the wind opens every flight within the horizon."""
+    """Probability that every flight begins within the horizon: its wind permits it, and it takes no more than a full battery."""
     kept: NDArray[np.bool_]
     """Shape (runs that arrive,). Whether every landing of a run keeps the reserve, that of the way on included."""
     p_onward: float | None = None

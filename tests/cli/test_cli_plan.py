@@ -394,6 +394,13 @@ def test_a_robust_plan_says_what_it_would_do_otherwise_and_why(skyway):
     assert "reserve on landing" in out
 
 
+def test_a_delivery_that_a_full_battery_does_not_end_is_not_called_blocked_by_the_wind(skyway):
+    """In still air some drones take so much that the last leg needs more than a full battery: that was told as wind."""
+    words = "plan --from bellevue --to white-plains --payload 0.8 --depart 2013-07-10T14:00-04:00 --wind 0@270 --objective energy --drone m200"
+    told = " ".join(skyway(*words.split()).out.split())
+    assert "the leg takes more than a full battery. The times above are of the others" in told
+
+
 def test_a_deadline_is_told_as_a_probability(plan_json):
     late = plan_json(*HOP, "--drone", "m200", "--objective", "on-time 2013-07-11T02:00-04:00")
     soon = plan_json(*HOP, "--drone", "m200", "--objective", "on-time 2013-07-10T14:05-04:00")

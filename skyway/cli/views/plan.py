@@ -93,7 +93,8 @@ def _print_expected(result: PlanResult, zone: ZoneInfo) -> None:
         say(line)
     if result.outcome.p_arrive < 1.0 - 1e-9:
         never = percent(1.0 - result.outcome.p_arrive, 1)
-        say(f"In {never} of the deliveries the wind blocks a leg until the end of the forecast")
+        why = "until the end of the forecast the wind blocks the next leg, or the leg takes more than a full battery"
+        say(f"In {never} of the deliveries the drone stays at a stop: {why}. The times above are of the others")
     members = len(result.problem.probability)
     kind = "days of wind" if record_days(result.problem.ensemble) else "members of the forecast"
     winds = "the wind given" if members == 1 else f"{members} {kind}"
