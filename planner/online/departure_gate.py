@@ -34,6 +34,8 @@ if TYPE_CHECKING:
 
 STEPS = 1000
 """Into which the charge is divided."""
+MUCH = 0.95
+"""Quantile of the energy of a flight that a charge must last for, for a stop to be left out."""
 FINE_SOC = 0.01
 """So near to the least one is a charge with which every point has a divert station."""
 
@@ -147,8 +149,16 @@ class DepartureGate:
 
         It is flown on where what is still unknown there breaks the reserve with epsilon at most.
         """
-        if not step.last:
-            return 0.0
+        return self._flown_on(step)[1] if step.last else 0.0
+
+    def through_soc(self, step: Step) -> float:
+        """Charge with which a leg is flown on over the last station on its way where it can land, also if it takes as much energy as one flight in twenty."""
+        used_soc, kept_soc = self._flown_on(step)
+        belief = self._reach.belief
+        return self._policy.request.reserve_soc + kept_soc + used_soc * belief.quantile(MUCH) / belief.mean_ratio
+
+    def _flown_on(self, step: Step) -> tuple[float, float]:
+        """Charge that a leg takes on average, and `kept_soc`."""
         names, at_s = self._names(step), self._take_off_s(step)
         there, reach = self._way(names[: step.last + 1], at_s)
         flown = reach.to_the_end(there, at_s, climbs=True)
@@ -159,7 +169,8 @@ class DepartureGate:
         then = reach.belief.in_flight(first_soc * ratio, first_soc)
         wind_soc = ratio * float(reach.expected(onward.doubt))
         unknown = math.hypot(wind_soc, rest_soc * then.sd_between, SOC_SD)
-        return self._sigmas * unknown + self._kept_at(names[-1]) - self._policy.request.reserve_soc
+        kept = self._sigmas * unknown + self._kept_at(names[-1]) - self._policy.request.reserve_soc
+        return ratio * (first_soc + rest_soc), kept
 
     def _leg(self, step: Step) -> tuple[tuple[str, ...], Reach, _Taken]:
         """Stations of a leg as far as it must be sure of it, what can be flown there, and what that takes."""

@@ -124,6 +124,13 @@ class Following:
         head = self.problem.network.head
         return next((count for count, one in enumerate(segments, start=1) if self.likely_free_at[head[one]]), 0)
 
+    def last_sure_of(self, segments: tuple[int, ...]) -> int:
+        """Number of segments to the last such station before the end; 0 if there is none."""
+        head = self.problem.network.head
+        return max(
+            (count for count in range(1, len(segments)) if self.likely_free_at[head[segments[count - 1]]]), default=0
+        )
+
     @cached_property
     def likely_free_at(self) -> NDArray[np.bool_]:
         """Times from which a drone can expect room to land and a pad to wait for, shape (nodes,)."""

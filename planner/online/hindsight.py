@@ -195,7 +195,7 @@ class Hindsight(Following):
             if least > full:
                 continue
             wanted = np.quantile(charges[segments], self.parameters.charge_quantiles).tolist()
-            last, kept = self._last_sure(segments), 0.0
+            last, kept = self.last_sure_of(segments), 0.0
             if turning is not None:
                 whole = Step(segments, p.soc, sure, last)
                 kept = turning.kept_soc(whole)
@@ -231,7 +231,7 @@ class Hindsight(Following):
         if how is None:
             return []
         flights = [flight_in(future, segments[:1], p.depart_s, 0)[1] - p.depart_s for future in self.futures]
-        last = self._last_sure(segments)
+        last = self.last_sure_of(segments)
         charges = self.turns.charges(self._taken(float(np.median(flights))), least)
         levels = sorted({max(one, p.soc) for one in charges if one <= full})
         return [Step(segments, one, 1, last, turn_back=how) for one in levels if self._room_back(one)]
@@ -241,13 +241,6 @@ class Hindsight(Following):
         p = self.problem
         away_s = p.charge_time_s(p.origin, p.soc, charge) + (charge - p.reserve) / p.soc_per_s
         return blocking_probability_after(p, away_s, behind=self._behind) <= p.epsilon / self.parameters.commitments
-
-    def _last_sure(self, segments: tuple[int, ...]) -> int:
-        """How many segments it is to the last station with room before the end; 0: there is none."""
-        head = self.problem.network.head
-        return max(
-            (count for count in range(1, len(segments)) if self.likely_free_at[head[segments[count - 1]]]), default=0
-        )
 
     def _first(self, future: Future) -> Leg | None:
         """First flight of the best way in a future that leads to or over a station with room."""

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 
 class LaterCharges:
-    """Asks the gate about later departures, with the information there in the expected wind.
+    """Asks the gate about later departures, with the information there in the expected wind, or in that of a member of the forecast.
 
     Parameters
     ----------
@@ -42,12 +42,23 @@ class LaterCharges:
         self._policy, self._info, self._problem = policy, info, problem
         self._shares: dict[tuple[tuple[int, ...], int], float] = {}
 
-    def gated(self, step: Step, landed_s: float, soc: float) -> Gated:
+    def gated(self, step: Step, landed_s: float, soc: float, member: int | None = None) -> Gated:
         """Check a leg after a landing, POSIX seconds, with a charge; no charge below that of the step is asked about."""
+        return self._gate(step, landed_s, soc, member).charged(step, step.charge)
+
+    def _gate(self, step: Step, landed_s: float, soc: float, member: int | None) -> DepartureGate:
         p = self._problem
         node = int(p.network.tail[step.segments[0]])
-        there = self._landed(p.network.stations[node], landed_s, soc)
-        return DepartureGate(self._policy, there, p.standing_at(node, landed_s, soc)).charged(step, step.charge)
+        there = self._landed(p.network.stations[node], landed_s, soc, member)
+        return DepartureGate(self._policy, there, p.standing_at(node, landed_s, soc))
+
+    def charge(self, step: Step, landed_s: float, soc: float, member: int | None = None) -> float | None:
+        """Charge that a leg most probably leaves with: what its check asks for, and what lets it be flown on over stations; None: no charge opens it."""
+        required = self.gated(step, landed_s, soc, member).soc
+        if required is None or not step.last:
+            return required
+        gate = self._gate(step, landed_s, soc, member)
+        return min(max(required, gate.through_soc(replace(step, charge=max(step.charge, required)))), 1.0)
 
     def share(self, step: Step, landed_s: float, soc: float) -> float:
         """Required charge above the reserve, as a multiple of what the leg takes as far as it must be sure of it; worked out once for each slot of the forecast.
@@ -62,7 +73,7 @@ class LaterCharges:
             self._shares[key] = (required - self._policy.request.reserve_soc) / gated.used_soc
         return self._shares[key]
 
-    def _landed(self, station: Station, time_s: float, soc: float) -> Information:
+    def _landed(self, station: Station, time_s: float, soc: float, member: int | None) -> Information:
         """Information after a landing: where the drone measures the wind on its way, it is known by then."""
         parameters = self._policy.parameters
         there = replace(self._info, station=station.id, time_s=time_s, soc=soc, behind=0)
@@ -70,7 +81,7 @@ class LaterCharges:
             return there
         forecast = self._info.forecast
         winds = forecast.at_times(np.array([station.lat]), np.array([station.lon]), np.array([time_s]))
-        north, east = (float(forecast.probability @ one[:, 0]) for one in winds)
+        north, east = (float(forecast.probability @ one[:, 0] if member is None else one[member, 0]) for one in winds)
         variance = slot_variance(math.hypot(north, east), MEASURED_S)
         measured = WindObservation(time_s, station.lat, station.lon, north, east, variance)
         residual = ResidualModel(tau_s=parameters.residual_tau_s)

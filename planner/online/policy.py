@@ -263,9 +263,9 @@ class OnlinePolicy:
 
         later = LaterCharges(self, info, seen.problem)
 
-        def required(leg: Leg, landed_s: float, soc: float) -> float | None:
-            charge = max(soc, leg.charge_to or 0.0)
-            return later.gated(Step(leg.segments, charge, seen.sure_of(leg.segments)), landed_s, soc).soc
+        def required(leg: Leg, landed_s: float, soc: float, member: int | None) -> float | None:
+            sure, last = seen.sure_of(leg.segments), seen.last_sure_of(leg.segments)
+            return later.charge(Step(leg.segments, max(soc, leg.charge_to or 0.0), sure, last), landed_s, soc, member)
 
         first = Step(step.segments, info.soc if charge_to is None else charge_to)
         return told_plan(seen, first, charge_to, errors, required)

@@ -11,6 +11,7 @@ import numpy as np
 
 from skyway.models.base.errors import AuditError, InfeasibleError
 from skyway.models.base.statistics import weighted_quantile
+from skyway.models.flight.kernels import slot_of
 from skyway.planner.robust.out_of_sample import simulate_fixed
 from skyway.planner.schedule.composing import compose
 from skyway.planner.schedule.itinerary import Leg, fly_expected, fly_sampled, stop_nodes, typical_member
@@ -19,6 +20,8 @@ from skyway.planner.schedule.schedule_kernels import SOC_LANDING, SOC_TAKE_OFF, 
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
+
+    from numpy.typing import NDArray
 
     from skyway.models.composition.composition import Composition
     from skyway.models.network.network import Network
@@ -30,8 +33,9 @@ if TYPE_CHECKING:
     from skyway.planner.schedule.outcome import Outcome
 
 
-Required = Callable[[Leg, float, float], float | None]
-"""Charge without which a leg is not begun, by the landing before it, POSIX seconds, and the charge then; None: no charge opens it."""
+Required = Callable[[Leg, float, float, int | None], float | None]
+"""Charge without which a leg is not begun, by the landing before it, POSIX seconds, the charge then, and the member whose wind is measured there (None: the
+expected one). None: no charge opens it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -108,16 +112,16 @@ def told_plan(
 
     Its figures are those of simulated deliveries with gusts, queues, the energy of `errors`, relative to the problem's, and the time of manoeuvres. The
     step, chosen by `seen`, leaves with `charge_to`; None: it does not charge. Charges of later legs may be too low in the share `epsilon_later` of the
-    forecast, but are at least what is `required`; legs that are closed for it are planned around, and `seen` counts on them no more.
+    forecast, but are at least what is `required` in the expected wind, in simulated deliveries in winds like theirs; legs that are closed for it are
+    planned around, and `seen` counts on them no more.
     """
     p, parameters = seen.problem, seen.problem.parameters.online
     first = Leg(step.segments, charge_to)
     for whole in (True, False):
         try:
-            itinerary = _with_later(seen, step, first, required) if whole else (first,)
+            bare, itinerary = _with_later(seen, step, first, required) if whole else ((first,), (first,))
             member, course = typical_member(p, itinerary)
-            runs = simulate_fixed(p, itinerary, errors, parameters.told_queues * len(p.probability))
-            flown = outcome(p, runs.schedule, runs.weight)
+            flown = outcome(p, *_simulated(p, bare, itinerary, errors, required))
             result = replace(flown, arrival_s=flown.arrival_s + parameters.manoeuvres_s * len(itinerary))
             return compose(p, itinerary, course, member, result, planner="online", planning_time_s=0.0)
         except (InfeasibleError, AuditError):
@@ -125,32 +129,69 @@ def told_plan(
     return None
 
 
-def _with_later(seen: Hindsight, step: Step, first: Leg, required: Required) -> Itinerary:
-    """Continue a first leg with those that most probably follow, around legs that cannot be begun; where no way leads around, they leave fully charged."""
+def _simulated(
+    p: Problem, bare: Itinerary, itinerary: Itinerary, errors: Errors, required: Required
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Schedules of simulated deliveries, and their weights: in each group of winds later legs leave with what is required in the middle one."""
+    runs = p.parameters.online.told_queues * len(p.probability)
+    if len(itinerary) == 1:
+        flown = simulate_fixed(p, itinerary, errors, runs)
+        return flown.schedule, flown.weight
+    schedules, weights = [], []
+    for middle, members in _alike(p, itinerary):
+        flown = simulate_fixed(p, _with_required(p, bare, required, middle)[0], errors, runs)
+        own = np.isin(flown.member, members)
+        schedules.append(flown.schedule[own])
+        weights.append(flown.weight[own])
+    return np.concatenate(schedules), np.concatenate(weights)
+
+
+def _alike(p: Problem, itinerary: Itinerary) -> list[tuple[int, NDArray[np.int64]]]:
+    """Members in groups of about the same probability, by the wind speed on the last leg; each with its middle one."""
+    _, course = typical_member(p, itinerary)
+    slot, last = slot_of(p.air, float(course[-2, TOUCH_DOWN])), list(itinerary[-1].segments)
+    weight = p.air.weight[last].mean(axis=0)
+    speed = np.hypot(p.air.north[:, slot] @ weight, p.air.east[:, slot] @ weight)
+    order = np.argsort(speed, kind="stable")
+    share = (np.cumsum(p.probability[order]) - 0.5 * p.probability[order]) / p.probability.sum()
+    groups = np.minimum((share * p.parameters.online.told_winds).astype(np.int64), p.parameters.online.told_winds - 1)
+    found = (order[groups == one] for one in np.unique(groups))
+    return [(int(members[len(members) // 2]), members) for members in found]
+
+
+def _with_later(seen: Hindsight, step: Step, first: Leg, required: Required) -> tuple[Itinerary, Itinerary]:
+    """Continue a first leg with those that most probably follow, around legs that cannot be begun; where no way leads around, they leave fully charged.
+
+    Without what is required of the charges, and with it in the expected wind.
+    """
     p = seen.problem
-    straight: Itinerary | None = None
+    straight: tuple[Itinerary, Itinerary] | None = None
     for _ in range(p.parameters.online.max_closed):
         later = seen.onward(step)
         if not later:
             break
         found = best_charges(p, (first, *later), p.parameters.online.epsilon_later)
-        itinerary, closed = _with_required(p, (first, *(later if found is None else found.itinerary[1:])), required)
+        bare = (first, *(later if found is None else found.itinerary[1:]))
+        itinerary, closed = _with_required(p, bare, required)
         if closed is None:
-            return itinerary
-        straight = straight or itinerary
+            return bare, itinerary
+        straight = straight or (bare, itinerary)
         seen.close(closed.segments[0])
-    return straight or (first,)
+    return straight or ((first,), (first,))
 
 
-def _with_required(problem: Problem, itinerary: Itinerary, required: Required) -> tuple[Itinerary, Leg | None]:
-    """Raise the charges of later legs to what is required before their take-off in a typical course; beside it, the first that no charge opens."""
+def _with_required(
+    problem: Problem, itinerary: Itinerary, required: Required, member: int | None = None
+) -> tuple[Itinerary, Leg | None]:
+    """Raise the charges of later legs to what is required before their take-off in a typical course and the wind of a member; beside it, the first that no charge opens."""
     closed: Leg | None = None
     for number in range(1, len(itinerary)):
         leg = itinerary[number]
         if leg.charge_to is None:
             continue
         _, course = typical_member(problem, itinerary)
-        least = required(leg, float(course[number - 1, TOUCH_DOWN]), float(course[number - 1, SOC_LANDING]))
+        landed_s, soc = float(course[number - 1, TOUCH_DOWN]), float(course[number - 1, SOC_LANDING])
+        least = required(leg, landed_s, soc, member)
         if least is None:
             closed = closed or leg
         raised = replace(leg, charge_to=1.0 if least is None else max(leg.charge_to, least))

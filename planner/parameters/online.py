@@ -170,6 +170,12 @@ class OnlineParameters(Parameters):
     )  # fmt: skip
     max_closed: int = parameter(8, "number of steps refused by the departure gate before the policy waits", 1, 1000)
     more_soc: float = parameter(0.05, "step of additional charge if divert stations are missing", 0.001, 1)
+    told_winds: int = parameter(
+        5,
+        "groups of members of the forecast, by wind speed, in each of which the charges of later legs of the printed plan are asked for",
+        1,
+        100,
+    )
     told_queues: int = parameter(
         4, "simulated deliveries per member of the forecast for the figures of the printed plan", 1, 1000
     )
