@@ -23,6 +23,7 @@ SCRIPTS: dict[str, tuple[str, list[str]]] = {
     "fleet-gap": ("fleet.bench_gap", []),
     "fleet-city": ("fleet.bench_city", []),
     "fleet-size": ("fleet.bench_size", []),
+    "fleet-promises": ("fleet.bench_service_promises", ["--services", "3"]),
     "evrp": ("fleet.bench_evrp", []),
     "sydney": ("fleet.bench_sydney", []),
     "page": ("web.bench_page", ["--seconds", "30"]),
