@@ -27,7 +27,11 @@ if TYPE_CHECKING:
 EARTH_M = 6_371_008.8
 MASS_KG, EMPTY_S, FULL_S, PAYLOAD_KG = 4.69, 38.0 * 60.0, 24.0 * 60.0, 1.45
 AIRSPEED_MPS, MOST_MPS, WIND_LIMIT_MPS = 20.0, 20.0, 12.0
-CLIMB_S = 60.0 / 5.0 + 60.0 / 3.0
+LIFT_OFF_S, TOUCH_DOWN_S, ACCELERATION_MPS2 = 3.0, 12.0, 2.0
+CLIMB_S = 60.0 / 5.0 + 60.0 / 3.0 + LIFT_OFF_S + TOUCH_DOWN_S + AIRSPEED_MPS / ACCELERATION_MPS2
+"""Climb and descent, with the slow parts of both, and accelerating and braking at half the speed."""
+GROUND_S = 21.0
+"""On the ground before and after a flight."""
 BULK_S, WHOLE_S, KNEE = 1.28 * 3600.0, 2.24 * 3600.0, 0.8
 GUST_SD = 0.1
 """Standard deviation of the wind over one segment, as a share of it."""
@@ -251,7 +255,7 @@ class Day:
                         self.ways(step.origin, step.destination), soc, ratio * rate(step), reserve,
                         may_return=self.supervised and step.origin in self.pads,
                     )  # fmt: skip
-                    now_s, soc, arrived = self.flown(flight, now_s)
+                    now_s, soc, arrived = self.flown(flight, now_s + GROUND_S)
                     self.landings.append(soc)
                     if soc < 0.0:
                         return

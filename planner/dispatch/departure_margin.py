@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from skyway.models.composition.composition import State
+from skyway.planner.dispatch.flight_times import charge_of, fixed_s
 from skyway.planner.online.departure_gate import DepartureGate
 from skyway.planner.online.following import Step
 from skyway.planner.online.information import Information
@@ -46,6 +47,8 @@ class DepartureMargin:
     pace_mps: float
     least: float
     most: float
+    deviations: tuple[float, ...] = (0.0,)
+    """Deviations from it of the legs that it was computed for."""
 
     def of(self, speed_mps: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the required energy above the mean, as a share of it, for some ground speeds."""
@@ -86,7 +89,8 @@ def fitted(speed_mps: NDArray[np.float64], share: NDArray[np.float64]) -> Depart
     if len(share) > 3 and np.ptp(1.0 / speed_mps) > 1e-4:
         one, pace_mps = np.linalg.lstsq(np.stack((np.ones(len(share)), 1.0 / speed_mps), axis=1), share, rcond=None)[0]
     beside = float(np.quantile(share - one - pace_mps / speed_mps, QUANTILE))
-    return DepartureMargin(float(one) + beside, float(pace_mps), max(float(share.min()), 1.0), float(share.max()))
+    margin = DepartureMargin(float(one) + beside, float(pace_mps), max(float(share.min()), 1.0), float(share.max()))
+    return replace(margin, deviations=tuple((share - 1.0 - margin.of(speed_mps)).tolist()))
 
 
 def _legs(policy: OnlinePolicy, known: Information, stops: set[int]) -> list[tuple[int, float, float]]:
@@ -96,8 +100,7 @@ def _legs(policy: OnlinePolicy, known: Information, stops: set[int]) -> list[tup
     slot = int(max((known.time_s - p.air.start_s) // p.air.slot_s, 0.0))
     speed = MeanSpeeds(p.air, p.probability, policy.all_parameters.robust.speed_hours).over(slot, slot, every)[0]
     open_ = every[(speed > 0.0) & np.isin(p.network.tail, list(stops)) & np.isin(p.network.head, list(stops))]
-    time_s = p.air.distance_m[open_] / speed[open_] + p.air.climb_s + p.air.descent_s
-    takes = p.soc_fixed + p.soc_per_s * time_s
+    takes = charge_of(p, p.air.distance_m[open_] / speed[open_] + fixed_s(p))
     mean_mps = speed[open_]
     order = [number for number in np.lexsort((takes, mean_mps)) if SHORTEST <= takes[number] <= LONGEST]
     if not order:

@@ -5,6 +5,7 @@ A flight here is one part of a route: to the package, with it, or home, with the
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from itertools import groupby, pairwise
 from typing import TYPE_CHECKING
@@ -32,9 +33,6 @@ if TYPE_CHECKING:
     from skyway.models.wind.ensemble import WindEnsemble
     from skyway.planner.dispatch.result import Phase, Route, Step
     from skyway.planner.parameters.planner import PlannerParameters
-
-CHARGE_MORE = 0.01
-"""Added charge, as SoC, against rounding."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,21 +64,17 @@ class PlannedFlight:
         """Place of the last landing."""
         return self.steps[-1].destination
 
-    @property
-    def flies(self) -> bool:
-        """Whether it has a flight: a drone that is already at the package need not fly to it."""
-        return any(one.kind == "fly" for one in self.steps)
-
 
 def flights_of(route: Route) -> list[PlannedFlight]:
-    """Return the parts of a route; charges of a part without a flight belong to the next part."""
+    """Return the parts of a route, each to its last landing; charges of a part behind that, or without a flight, belong to the next part."""
     found: list[PlannedFlight] = []
     waiting: tuple[Step, ...] = ()
-    for (order, phase), steps in groupby(route.steps, key=lambda one: (one.order, one.phase)):
-        part = PlannedFlight(order, phase, (*waiting, *steps))
-        waiting = () if part.flies else part.steps
-        if part.flies:
-            found.append(part)
+    for (order, phase), group in groupby(route.steps, key=lambda one: (one.order, one.phase)):
+        steps = (*waiting, *group)
+        end = max((number for number, one in enumerate(steps, 1) if one.kind == "fly"), default=0)
+        waiting = steps[end:]
+        if end:
+            found.append(PlannedFlight(order, phase, steps[:end]))
     return found
 
 
@@ -94,7 +88,9 @@ def composed(
     *,
     reserve: float,
 ) -> Composition:
-    """Compose one part of a route, with its stations, winds and charges; each stop is left at the planned time.
+    """Compose one part of a route, with its stations, winds and charges; a stop is left with the planned charge, and at the planned time without a charge.
+
+    A drone that is to charge may come early, or with more charge than was planned: it does not stay on the pad until the planned time.
 
     Raises an `InfeasibleError` if it is infeasible in all winds of the forecast.
     """
@@ -107,10 +103,10 @@ def composed(
     legs, charge = [], None
     for step in flight.steps:
         if step.kind == "charge":
-            charge = min(step.soc_end + CHARGE_MORE, 1.0)
+            charge = min(step.soc_end, 1.0)
             continue
         segments = _way(problem, step, parameters.robust.speed_hours)
-        legs.append(Leg(segments, charge, step.begin.timestamp()))
+        legs.append(Leg(segments, charge, step.begin.timestamp() if charge is None else -math.inf))
         charge = None
     itinerary = tuple(legs)
     member, course = typical_member(problem, itinerary)

@@ -2,7 +2,7 @@
 
 The speeds, waits and margins are those in which `robust` composes routes (`planner.problem.mean_value`): each segment at the speed whose flight
 time is the mean of the members', each station with the strangers' expected wait. A flight between two places overflies stations on the
-fastest way of the slot in which it begins.
+fastest way of the slot in which it begins; its time includes that on the ground before and after it (`flight_times`).
 """
 
 from __future__ import annotations
@@ -18,6 +18,7 @@ from skyway.models.base.units import S_PER_H
 from skyway.models.composition.composition import State
 from skyway.models.orders.fitting import TOLERATED_KG
 from skyway.models.queues.seen_pads import NOTHING_SEEN, PadsSeen
+from skyway.planner.dispatch.flight_times import air_times, charge_of, fixed_s, shortest_m
 from skyway.planner.dispatch.problem import DispatchProblem, Fleet, Flights, Orders, Weights, escapes, to_go
 from skyway.planner.problem.error_model import USUAL_ERRORS
 from skyway.planner.problem.mean_value import energy_margin
@@ -112,20 +113,20 @@ def lay_out_problem(
         for drone in types
     }
     for problem, (drone, _) in zip(problems, modes, strict=True):
-        time_s = _times(problem, places, slots, parameters.robust.speed_hours)
+        air_s = _air_times(problem, places, slots, parameters.robust.speed_hours)
         margin: float | NDArray[np.float64] = 0.0
         if margins and margin_of is not None and drone.id in margin_of:
-            margin = margin_of[drone.id].of(_speeds(problem, places, time_s))
+            margin = margin_of[drone.id].of(_speeds(problem, places, air_s))
         elif margins:
             margin = energy_margin(parameters.dispatch.margin, USUAL_ERRORS.energy_of(drone), problem.epsilon)
-        need = np.where(np.isfinite(time_s), (problem.soc_fixed + problem.soc_per_s * time_s) * (1.0 + margin), np.inf)
+        need = np.where(np.isfinite(air_s), charge_of(problem, air_s) * (1.0 + margin), np.inf)
         need = np.where(need <= 1.0 - reserve, need, np.inf)
         for (of_type, origin, destination), until_s in (closed or {}).items():
             ends = place_of.get(network.index.get(origin, -1)), place_of.get(network.index.get(destination, -1))
             if of_type == drone.id and None not in ends:
                 until = int(np.ceil((until_s - air.start_s) / air.slot_s - 1e-9))
                 need[: min(max(until, 0), slots - 1), ends[0], ends[1]] = np.inf
-        times.append(np.where(np.isfinite(need), time_s, np.inf))
+        times.append(np.where(np.isfinite(need), parameters.dispatch.ground_s + air_s, np.inf))
         needs.append(need)
         ways.append(to_go(times[-1], need, where, pace[drone.id], 1.0 - reserve))
     need = np.stack(needs)
@@ -204,41 +205,16 @@ def mode_problem(
     )
 
 
-def _times(problem: Problem, places: Sequence[int], slots: int, hours: float) -> NDArray[np.float64]:
-    """Time of a flight without a landing between places by the slot in which it begins, s, shape (slots, places, places)."""
-    from scipy.sparse import csr_array
-    from scipy.sparse.csgraph import dijkstra
-
-    network, air = problem.network, problem.air
-    speeds = MeanSpeeds(air, problem.probability, max(hours, slots * air.slot_s / S_PER_H))
-    table = speeds.over(0, slots - 1, np.arange(len(network.tail)))
-    found = np.empty((slots, len(places), len(places)))
-    nodes = np.array(places)
-    for slot in range(slots):
-        if slot and np.array_equal(table[slot], table[slot - 1]):
-            found[slot] = found[slot - 1]
-            continue
-        open_ = table[slot] > 0.0
-        weight = air.distance_m[open_] / table[slot][open_]
-        size = len(network)
-        graph = csr_array((weight, (network.tail[open_], network.head[open_])), shape=(size, size))
-        found[slot] = dijkstra(graph, indices=nodes)[:, nodes] + air.climb_s + air.descent_s
-    diagonal = np.arange(len(places))
-    found[:, diagonal, diagonal] = np.inf
-    return found
+def _air_times(problem: Problem, places: Sequence[int], slots: int, hours: float) -> NDArray[np.float64]:
+    """Time in the air of a flight without a landing between places by the slot in which it begins, s, shape (slots, places, places)."""
+    speeds = MeanSpeeds(problem.air, problem.probability, max(hours, slots * problem.air.slot_s / S_PER_H))
+    return air_times(problem, places, speeds.over(0, slots - 1, np.arange(len(problem.network.tail))))
 
 
-def _speeds(problem: Problem, places: Sequence[int], time_s: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Mean ground speed of flights between places, m/s, in the shape of their times: over the shortest path, without climb and descent."""
-    from scipy.sparse import csr_array
-    from scipy.sparse.csgraph import dijkstra
-
-    network, air, size = problem.network, problem.air, len(problem.network)
-    graph = csr_array((air.distance_m, (network.tail, network.head)), shape=(size, size))
-    nodes = np.array(places)
-    far_m = dijkstra(graph, indices=nodes)[:, nodes]
-    along_s = np.maximum(time_s - air.climb_s - air.descent_s, 1.0)
-    return np.where(np.isfinite(far_m) & np.isfinite(time_s), far_m / along_s, np.inf)
+def _speeds(problem: Problem, places: Sequence[int], air_s: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Mean ground speed of flights between places, m/s, in the shape of their times in the air: over the shortest path."""
+    far_m, along_s = shortest_m(problem, places), np.maximum(air_s - fixed_s(problem), 1.0)
+    return np.where(np.isfinite(far_m) & np.isfinite(air_s), far_m / along_s, np.inf)
 
 
 def _pace_s(problem: Problem, places: Sequence[int], where: NDArray[np.int64]) -> float:

@@ -15,7 +15,7 @@ class Flights(NamedTuple):
     """Flights between places without a landing, by mode (a drone with a class of packages) and slot of time."""
 
     time_s: NDArray[np.float64]
-    """Shape (modes, slots, places, places); infinite where infeasible."""
+    """Shape (modes, slots, places, places): time of a flight, with that on the ground before and after it; infinite where infeasible."""
     need: NDArray[np.float64]
     """Same shape: charge of the flight, with the margin that keeps the reserve."""
     to_go_s: NDArray[np.float64]

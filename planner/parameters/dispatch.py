@@ -41,6 +41,14 @@ class DispatchParameters(Parameters):
     home: float = parameter(
         0.0, "what a second from a drone's last delivery until it is home costs, in seconds of delivery", 0, 100
     )
+    ground_s: float = parameter(
+        21.0,
+        "time on the ground of each flight, beside waits and charging: handing it to a worker, the checks, the upload and its read-back, arming, and the end after the landing",
+        0,
+        3600,
+        unit="s",
+        measured="journals of four services with simulated vehicles: 12.2 s, and 8.5 s until a worker has the flight",
+    )
     payload_classes: int = parameter(
         4, "packages count as the next of so many masses of equal steps, up to the heaviest that a drone carries", 1, 50
     )

@@ -2,7 +2,8 @@
 
 The rules are those of a supervised flight. A charge goes on to what was planned, and to what the check before the next take-off wants: the
 reserve and q E, with E the energy of that flight in the wind of now and q the ratio to it that all but a share epsilon of flights stay below. Who has less at a take-off
-charges first; who cannot have it, or whom the wind keeps on the ground, looks again after `AGAIN_S`. Flights take their time and r E, r the ratio drawn.
+charges first; who cannot have it, or whom the wind keeps on the ground, looks again after `AGAIN_S`. A flight takes r E, r the ratio drawn, and the time
+g + k T: T that in the air by the wind of now, k the factor and g the time on the ground and of manoeuvres drawn; a charge its time times the factor drawn.
 """
 
 from __future__ import annotations
@@ -28,6 +29,15 @@ BELOW_SOC = 0.005
 """A landing so little below the reserve is none: charges are told in whole percent."""
 
 
+class Checked(NamedTuple):
+    """Ratio of the energy that the check before a take-off counts with to the model's: `share` + `pace_mps` / ground speed, within two limits; shape (drones,) each."""
+
+    share: NDArray[np.float64]
+    pace_mps: NDArray[np.float64]
+    least: NDArray[np.float64]
+    most: NDArray[np.float64]
+
+
 class Steps(NamedTuple):
     """What all drones of a plan do, one drone after another."""
 
@@ -51,8 +61,12 @@ class Steps(NamedTuple):
     type: NDArray[np.int64]
     scale: NDArray[np.float64]
     """Shape (drones,) each, as of `problem.Fleet`."""
-    checked: NDArray[np.float64]
-    """Shape (drones,): ratio of energy to the model's that the check before a take-off counts with."""
+    checked: Checked
+    """What the check before a take-off counts with."""
+    far_m: NDArray[np.float64]
+    """Shape (steps,): length of the shortest way of a flight."""
+    fixed_s: float
+    """Time in the air beyond that way."""
 
 
 class World(NamedTuple):
@@ -60,9 +74,16 @@ class World(NamedTuple):
 
     time_s: NDArray[np.float64]
     need: NDArray[np.float64]
-    """Shape (modes, slots, places, places) each: time of flights, and what the model says of their energy."""
+    """Shape (modes, slots, places, places) each: time of flights in the air, and what the model says of their energy."""
     ratio: NDArray[np.float64]
     """Shape (steps,): energy over the model's."""
+    pace: NDArray[np.float64]
+    more_s: NDArray[np.float64]
+    """Shape (steps,) each: factor of the time in the air, and time besides."""
+    charging: NDArray[np.float64]
+    """Shape (steps,): factor of the time of a charge."""
+    asked: NDArray[np.float64]
+    """Shape (steps,): deviation of the ratio that the check counts with."""
     come_s: NDArray[np.float64]
     lasts_s: NDArray[np.float64]
     begin: NDArray[np.int64]
@@ -98,8 +119,12 @@ def wanted_soc(flights: Flights, steps: Steps, world: World, drone: int, step: i
     """Charge that the check wants before the next flight of a drone, from a step on; 0 where there is none."""
     for later in range(step, steps.first[drone + 1]):
         if steps.kind[later] != CHARGE:
-            need = world.need[steps.mode[later], slot_at(flights, time_s), steps.place[later], steps.to[later]]
-            wanted: float = flights.reserve + steps.checked[drone] * steps.scale[drone] * steps.mass[later] * need
+            mode, slot, place, to = steps.mode[later], slot_at(flights, time_s), steps.place[later], steps.to[later]
+            along_s = max(world.time_s[mode, slot, place, to] - steps.fixed_s, 1.0)
+            ratio = steps.checked.share[drone] + steps.checked.pace_mps[drone] * along_s / max(steps.far_m[later], 1.0)
+            ratio = min(max(ratio, steps.checked.least[drone]), steps.checked.most[drone]) + world.asked[later]
+            need = world.need[mode, slot, place, to]
+            wanted: float = flights.reserve + ratio * steps.scale[drone] * steps.mass[later] * need
             return wanted
     return 0.0
 
@@ -130,7 +155,9 @@ def flown(
             continue
         place, mode, charges = steps.place[step], steps.mode[step], steps.kind[step] == CHARGE
         wanted = wanted_soc(flights, steps, world, drone, step, time_s)
-        takes_s = 0.0 if charges else world.time_s[mode, slot_at(flights, time_s), place, steps.to[step]]
+        takes_s = 0.0
+        if not charges:
+            takes_s = world.more_s[step] + world.pace[step] * world.time_s[mode, slot_at(flights, time_s), place, steps.to[step]]  # fmt: skip
         short = wanted > soc[drone] + SLACK_SOC and flights.pads[place] > 0
         if not charges and (not takes_s < np.inf or (short and wanted > 1.0 + SLACK_SOC)):
             if time_s < begin_s + LONGEST_S:
@@ -140,7 +167,7 @@ def flown(
         if (charges or short) and up_to > soc[drone] + SLACK_SOC:
             curve = flights.curve_of[steps.type[drone], place]
             level, at_s = flights.curve_soc[curve], flights.curve_s[curve]
-            lasts_s = interpolated(level, at_s, up_to) - interpolated(level, at_s, soc[drone])
+            lasts_s = world.charging[step] * (interpolated(level, at_s, up_to) - interpolated(level, at_s, soc[drone]))
             time_s = take_pad(flights, world, free_s, come, place, time_s, lasts_s) + lasts_s
             soc[drone] = up_to
             if not charges:  # the flight is looked at again then

@@ -13,11 +13,19 @@ from skyway.models.queues.seen_pads import NOTHING_SEEN, PadsSeen
 from skyway.planner.dispatch.flight_kernels import CHARGE, FLY
 from skyway.planner.dispatch.flights import lay_out_problem
 from skyway.planner.dispatch.result import Outlook
-from skyway.planner.parameters.planner import USUAL
-from skyway.planner.problem.error_model import USUAL_ERRORS
-from skyway.planner.problem.request import DEFAULT_EPSILON, DEFAULT_RESERVE_SOC
+from skyway.planner.problem.request import DEFAULT_RESERVE_SOC
 from skyway.planner.promises.flown_kernels import BELOW_SOC, Steps, World, flown
-from skyway.planner.promises.worlds import checked_ratio, members_of, others_of, power_shares, ratios_of, winds_of
+from skyway.planner.promises.worlds import (
+    asked_of,
+    checks_of,
+    landings_of,
+    members_of,
+    others_of,
+    power_shares,
+    ratios_of,
+    times_of,
+    winds_of,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -28,9 +36,12 @@ if TYPE_CHECKING:
     from skyway.models.ledger.ledger import Hold
     from skyway.models.orders.fitting import Work
     from skyway.models.wind.ensemble import WindEnsemble
+    from skyway.planner.dispatch.departure_margin import DepartureMargin
     from skyway.planner.dispatch.flights import Laid
     from skyway.planner.dispatch.result import DispatchPlan, Route
     from skyway.planner.parameters.planner import PlannerParameters
+    from skyway.planner.promises.flown_kernels import Checked
+    from skyway.planner.promises.worlds import Winds
 
 EARLY_S = 1.0
 """A charge may begin so much before its window."""
@@ -50,15 +61,18 @@ class Flown:
 def promised(
     work: Work, plan: DispatchPlan, forecast: WindEnsemble, parameters: PlannerParameters, *, reserve: float = DEFAULT_RESERVE_SOC,
     seed: int = 0, holds: Sequence[Hold] = (), seen: PadsSeen = NOTHING_SEEN, by: Mapping[str, datetime] | None = None, windows: bool = False,
+    margin_of: Mapping[str, DepartureMargin] | None = None, in_air_s: Mapping[str, float] | None = None,
 ) -> DispatchPlan:  # fmt: skip
     """Return a plan whose orders have their `Outlook`, and which says how many landings are below the reserve.
 
     It is flown in so many worlds as the setting `worlds` says; with 0 it is returned as it is. `by` has when orders are promised, their due times by default.
-    With `windows` no charge begins before it was planned to, as where pads are booked.
+    With `windows` no charge, and no part of a route, begins before it was planned to, as where pads are booked and
+    workers are given each part when it is due. `margin_of` has what the check before a take-off wants of each type of drone, the usual margin by default;
+    `in_air_s` has the drones that are in the air until they are available, and for how long: that time is not certain.
     """
     if not parameters.dispatch.worlds or not plan.served:
         return plan
-    done = fly_plan(work, plan.routes, plan.depart, forecast, parameters, reserve=reserve, seed=seed, holds=holds, seen=seen, windows=windows)  # fmt: skip
+    done = fly_plan(work, plan.routes, plan.depart, forecast, parameters, reserve=reserve, seed=seed, holds=holds, seen=seen, windows=windows, margin_of=margin_of, in_air_s=in_air_s)  # fmt: skip
     number = {one.id: place for place, one in enumerate(work.orders)}
     due = {one.id: one.due for one in work.orders} | dict(by or {})
     answers = [
@@ -83,6 +97,7 @@ def outlook(delivered_s: NDArray[np.float64], by_s: float) -> Outlook:
 def fly_plan(
     work: Work, routes: Sequence[Route], depart: datetime, forecast: WindEnsemble, parameters: PlannerParameters, *,
     reserve: float = DEFAULT_RESERVE_SOC, seed: int = 0, holds: Sequence[Hold] = (), seen: PadsSeen = NOTHING_SEEN, windows: bool = False,
+    margin_of: Mapping[str, DepartureMargin] | None = None, in_air_s: Mapping[str, float] | None = None,
 ) -> Flown:  # fmt: skip
     """Fly the routes of a plan in many worlds: the same ones for the same seed, whatever the routes are."""
     laid = lay_out_problem(work, depart, forecast, parameters, reserve=reserve, margins=False)
@@ -90,23 +105,31 @@ def fly_plan(
     flights = laid.problem.flights._replace(pads=pads, first_pad=np.cumsum(pads) - pads)
     weigh = parameters.dispatch
     winds = winds_of(work, laid, depart, forecast, parameters, weigh.members)
-    streams = [np.random.default_rng((seed, stream)) for stream in range(3)]
+    streams = [np.random.default_rng((seed, stream)) for stream in range(6)]
     member = members_of(winds.probability, weigh.worlds, streams[0])
-    steps = steps_of(work, laid, routes, windows=windows, margin=weigh.margin)
+    steps = steps_of(work, laid, routes, winds, windows=windows, checked=checks_of(work, weigh.margin, margin_of))
     owner = np.repeat(np.arange(len(steps.soc)), np.diff(steps.first))
     ratio = ratios_of(work, owner, weigh.worlds, streams[1])
+    times = times_of(owner, weigh.worlds, streams[3], parameters)
+    later_s = landings_of(work, in_air_s or {}, weigh.worlds, streams[5], parameters)
+    asked = asked_of(work, owner, weigh.worlds, streams[4], margin_of)
     others = others_of(work, laid, depart, weigh.worlds, streams[2], seen=seen, holds=holds)
     delivered_s = np.full((weigh.worlds, len(work.orders)), np.inf)
     lowest = np.full((weigh.worlds, len(steps.kind)), np.nan)
     for number in range(weigh.worlds):
-        wind = winds.time_s[member[number]], winds.need[member[number]]
-        world = World(*wind, ratio[number], others.come_s, others.lasts_s, others.begin[number])
-        flown(flights, steps, world, delivered_s[number], lowest[number])
+        at = member[number]
+        world = World(
+            winds.time_s[at], winds.need[at], ratio[number], times.pace[number], times.more_s[number], times.charging[number], asked[number],
+            others.come_s, others.lasts_s, others.begin[number],
+        )  # fmt: skip
+        flown(
+            flights, steps._replace(from_s=steps.from_s + later_s[number]), world, delivered_s[number], lowest[number]
+        )
     landed = np.isfinite(lowest)
     return Flown(delivered_s, int(landed.sum()), int((lowest[landed] < reserve - BELOW_SOC).sum()))
 
 
-def steps_of(work: Work, laid: Laid, routes: Sequence[Route], *, windows: bool = False, margin: float = USUAL.dispatch.margin, epsilon: float = DEFAULT_EPSILON) -> Steps:  # fmt: skip
+def steps_of(work: Work, laid: Laid, routes: Sequence[Route], winds: Winds, *, checked: Checked, windows: bool = False) -> Steps:  # fmt: skip
     """Lay the routes of a plan out as arrays; drones without one have no steps."""
     network = work.scenario.network
     place = {network.stations[node].id: number for number, node in enumerate(laid.places)}
@@ -134,7 +157,9 @@ def steps_of(work: Work, laid: Laid, routes: Sequence[Route], *, windows: bool =
                     not_before_s = float(laid.problem.orders.ready_s[order[one.order]])
                 if last[one.order] == at:
                     delivers = order[one.order]
-            if one.kind == "charge" and windows:
+            before = steps[at - 1] if at else None
+            begins = before is None or (before.kind == "fly" and (before.order, before.phase) != (one.order, one.phase))
+            if windows and (one.kind == "charge" or begins):
                 not_before_s = max(not_before_s, one.begin.timestamp() - EARLY_S)
             kind_of = FLY if one.kind == "fly" else CHARGE
             rows.append(
@@ -146,5 +171,5 @@ def steps_of(work: Work, laid: Laid, routes: Sequence[Route], *, windows: bool =
     return Steps(
         first=np.array(first), kind=kind, place=place_of, to=to, mode=mode,
         up_to=table[:, 4].copy(), not_before_s=table[:, 6].copy(), delivers=delivers, mass=table[:, 7].copy(), soc=fleet.soc, from_s=fleet.from_s, type=fleet.type, scale=fleet.scale,
-        checked=np.array([checked_ratio(USUAL_ERRORS.energy_of(work.scenario.drone(one.type)), margin, epsilon) for one in work.vehicles]),
+        checked=checked, far_m=winds.far_m[place_of, to], fixed_s=winds.fixed_s,
     )  # fmt: skip

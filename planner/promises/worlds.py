@@ -9,15 +9,19 @@ import numpy as np
 
 from skyway.models.base.units import S_PER_H
 from skyway.models.drones.energy_belief import LEAST_RATIO
+from skyway.models.drones.time_belief import TimeBelief
 from skyway.models.flight.energy import FlightPower
 from skyway.models.queues.seen_pads import NOTHING_SEEN, PadsSeen
 from skyway.models.queues.waiting_times import present_at
+from skyway.planner.dispatch.flight_times import air_times, charge_of, fixed_s, shortest_m
 from skyway.planner.dispatch.flights import mode_problem
 from skyway.planner.problem.error_model import USUAL_ERRORS
 from skyway.planner.problem.flight_table import ground_speeds
+from skyway.planner.problem.request import DEFAULT_EPSILON
+from skyway.planner.promises.flown_kernels import Checked
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Mapping, Sequence
     from datetime import datetime
 
     from numpy.typing import NDArray
@@ -27,9 +31,9 @@ if TYPE_CHECKING:
     from skyway.models.orders.fitting import Work
     from skyway.models.queues.load import PadLoad
     from skyway.models.wind.ensemble import WindEnsemble
+    from skyway.planner.dispatch.departure_margin import DepartureMargin
     from skyway.planner.dispatch.flights import Laid
     from skyway.planner.parameters.planner import PlannerParameters
-    from skyway.planner.problem.problem import Problem
 
 OTHERS_H = 14
 """So many hours others come to the pads; a delivery takes less."""
@@ -40,9 +44,21 @@ class Winds(NamedTuple):
 
     time_s: NDArray[np.float64]
     need: NDArray[np.float64]
-    """Shape (members, modes, slots, places, places) each: time, and the charge that the model says."""
+    """Shape (members, modes, slots, places, places) each: time in the air, and the charge that the model says."""
     probability: NDArray[np.float64]
     """Shape (members,)."""
+    far_m: NDArray[np.float64]
+    """Shape (places, places): length of the shortest way."""
+    fixed_s: float
+    """Time in the air beyond the segments."""
+
+
+class Times(NamedTuple):
+    """Times that are drawn, shape (worlds, steps) each: see `flown_kernels.World`."""
+
+    pace: NDArray[np.float64]
+    more_s: NDArray[np.float64]
+    charging: NDArray[np.float64]
 
 
 class Others(NamedTuple):
@@ -67,30 +83,18 @@ def winds_of(
         every, rows = np.arange(len(problem.network.tail)), np.arange(slots)
         speeds = [ground_speeds(problem.air, member, rows, every) for member in range(len(problem.probability))]
         if not before or any(not np.array_equal(one, other) for one, other in zip(speeds, before, strict=True)):
-            time_s = np.stack([_times(problem, one, laid.places) for one in speeds])
+            time_s = np.stack([air_times(problem, laid.places, one) for one in speeds])
             before = speeds
         times.append(time_s)
-        needs.append(problem.soc_fixed + problem.soc_per_s * time_s)
+        needs.append(charge_of(problem, time_s))
         probability = problem.probability
-    return Winds(np.stack(times, axis=1), np.stack(needs, axis=1), probability)
-
-
-def _times(problem: Problem, speed_mps: NDArray[np.float64], places: Sequence[int]) -> NDArray[np.float64]:
-    """Time of flights between places, s, shape (slots, places, places), at speeds of the shape (slots, segments)."""
-    from scipy.sparse import csr_array
-    from scipy.sparse.csgraph import dijkstra
-
-    network, air, nodes, size = problem.network, problem.air, np.array(places), len(problem.network)
-    found = np.empty((len(speed_mps), len(nodes), len(nodes)))
-    for slot, speed in enumerate(speed_mps):
-        open_ = speed > 0.0
-        weight = air.distance_m[open_] / speed[open_]
-        graph = csr_array((weight, (network.tail[open_], network.head[open_])), shape=(size, size))
-        found[slot] = dijkstra(graph, indices=nodes)[:, nodes]
-    found += air.climb_s + air.descent_s
-    diagonal = np.arange(len(nodes))
-    found[:, diagonal, diagonal] = np.inf
-    return found
+    return Winds(
+        np.stack(times, axis=1),
+        np.stack(needs, axis=1),
+        probability,
+        shortest_m(problem, laid.places),
+        fixed_s(problem),
+    )
 
 
 def members_of(probability: NDArray[np.float64], worlds: int, random: np.random.Generator) -> NDArray[np.int64]:
@@ -109,6 +113,61 @@ def ratios_of(work: Work, drone: NDArray[np.int64], worlds: int, random: np.rand
     usual = mean + between * random.standard_t(freedom, (worlds, len(beliefs)))
     fresh = random.standard_t(freedom[drone], (worlds, len(drone)))
     return np.asarray(np.maximum(usual[:, drone] + within[drone] * fresh, LEAST_RATIO))
+
+
+def times_of(
+    drone: NDArray[np.int64], worlds: int, random: np.random.Generator, parameters: PlannerParameters
+) -> Times:
+    """Draw the times of each step, as they are believed (`models.drones.time_belief`); `drone` has the number of each step's."""
+    pace, more_s, charging = (np.empty((worlds, len(drone))) for _ in range(3))
+    ground_s, manoeuvres_s = parameters.dispatch.ground_s, parameters.online.manoeuvres_s
+    for one in np.unique(drone):
+        own = np.flatnonzero(drone == one)
+        drawn = TimeBelief().sampled(random, worlds, len(own))
+        pace[:, own] = drawn.flights.T
+        more_s[:, own] = ground_s * drawn.ground.T + manoeuvres_s * (drawn.manoeuvres[:, None] - 1.0)
+        charging[:, own] = drawn.charging[:, None]
+    return Times(pace, more_s, charging)
+
+
+def landings_of(
+    work: Work, in_air_s: Mapping[str, float], worlds: int, random: np.random.Generator, parameters: PlannerParameters
+) -> NDArray[np.float64]:
+    """Draw by how much later than expected each drone lands that is in the air for some time at the beginning, s, shape (worlds, drones)."""
+    found = np.zeros((worlds, len(work.vehicles)))
+    for number, one in enumerate(work.vehicles):
+        if one.id in in_air_s:
+            drawn = TimeBelief().sampled(random, worlds, 1)
+            rest_s = min(in_air_s[one.id], parameters.online.manoeuvres_s)
+            found[:, number] = in_air_s[one.id] * (drawn.flights[0] - 1.0) + rest_s * (drawn.manoeuvres - 1.0)
+    return found
+
+
+def checks_of(
+    work: Work, margin: float, margin_of: Mapping[str, DepartureMargin] | None = None, epsilon: float = DEFAULT_EPSILON
+) -> Checked:
+    """Return what the check before a take-off counts with for each drone: its departure margin, or the usual one."""
+    known, rows = margin_of or {}, []
+    for one in work.vehicles:
+        if one.type in known:
+            own = known[one.type]
+            rows.append((own.share, own.pace_mps, own.least, own.most))
+        else:
+            share = checked_ratio(USUAL_ERRORS.energy_of(work.scenario.drone(one.type)), margin, epsilon)
+            rows.append((share, 0.0, share, share))
+    return Checked(*np.array(rows, dtype=np.float64).reshape(-1, 4).T.copy())
+
+
+def asked_of(
+    work: Work, drone: NDArray[np.int64], worlds: int, random: np.random.Generator, margin_of: Mapping[str, DepartureMargin] | None
+) -> NDArray[np.float64]:  # fmt: skip
+    """Draw by how much the check deviates from the departure margin at each step, shape (worlds, steps): as in legs for which it was computed."""
+    found, known = np.zeros((worlds, len(drone))), margin_of or {}
+    kinds = np.array([one.type for one in work.vehicles])[drone] if len(drone) else np.empty(0, dtype=str)
+    for kind, own in known.items():
+        which = np.flatnonzero(kinds == kind)
+        found[:, which] = random.choice(np.array(own.deviations), (worlds, len(which)))
+    return found
 
 
 def power_shares(work: Work, laid: Laid) -> NDArray[np.float64]:

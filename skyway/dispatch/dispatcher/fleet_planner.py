@@ -5,12 +5,14 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
-from skyway.dispatch.records import LOST, PlannedPart, PlanStep
+from skyway.dispatch.dispatcher.windows import itinerary_name
+from skyway.dispatch.records import LOST, WITH_PACKAGE, PlannedPart, PlanStep
+from skyway.link.supervisor.states import IN_AIR
 from skyway.models.base.units import from_posix
 from skyway.models.orders.fitting import Work
 from skyway.planner.dispatch.dispatch import dispatch
 from skyway.planner.dispatch.flight_plans import flights_of
-from skyway.planner.dispatch.result import Step
+from skyway.planner.dispatch.result import Route, Step
 from skyway.planner.promises.promises import promised as with_outlook
 
 if TYPE_CHECKING:
@@ -24,8 +26,11 @@ if TYPE_CHECKING:
     from skyway.dispatch.region import Region
     from skyway.models.ledger.ledger import Hold
     from skyway.models.orders.order import Order, Vehicle
+    from skyway.models.wind.ensemble import WindEnsemble
+    from skyway.planner.dispatch.departure_margin import DepartureMargin
     from skyway.planner.dispatch.flight_plans import PlannedFlight
-    from skyway.planner.dispatch.result import Answer
+    from skyway.planner.dispatch.result import Answer, DispatchPlan
+    from skyway.planner.parameters.planner import PlannerParameters
 
 TURN_S = 60.0
 """Time from a landing until the next flight can begin, s."""
@@ -39,6 +44,22 @@ class Planned:
 
     routes: dict[str, tuple[PlannedPart, ...]]
     answers: dict[str, Answer]
+
+
+@dataclass(frozen=True)
+class Begun:
+    """A flight under way, as far as its plan is still to be flown: promises are simulated from here on."""
+
+    vehicle: Vehicle
+    """The drone at its next landing, or where it stands: place, expected charge and time."""
+    steps: tuple[Step, ...]
+    """What follows there."""
+    order: Order | None
+    """Order whose package is on board, which is not planned any more."""
+    itinerary: str
+    """Booking of its windows."""
+    in_air_s: float
+    """Time until that landing, s; 0 where it stands."""
 
 
 class FleetPlanner:
@@ -74,11 +95,12 @@ class FleetPlanner:
         promised: Mapping[str, datetime] | None = None,
         once_promised: Collection[str] = (),
         max_late_s: float | None = None,
+        begun: Sequence[Begun] = (),
     ) -> Planned:
         """Plan around held windows; the search begins with the kept routes.
 
         `promised` has the promised times, `once_promised` all orders that ever had a promise; `max_late_s` is the permitted delay, s;
-        orders are then served whenever that is possible.
+        orders are then served whenever that is possible. `begun` has the flights under way, whose ends are not certain in the simulation of the plan.
         """
         region = self._region
         ends = tuple(place for one in orders for place in (one.origin, one.destination))
@@ -98,9 +120,63 @@ class FleetPlanner:
             promised=promised or {}, once_promised=once_promised, closed=self._legs.at(now_s), bounded=False, seen=self._pads.at(now_s),
         )  # fmt: skip
         if max_late_s is None:
-            plan = with_outlook(work, plan, forecast, parameters, reserve=region.service.reserve, seed=seed, holds=holds, seen=self._pads.at(now_s), windows=True)  # fmt: skip
+            plan = self._with_outlook(now_s, work, plan, forecast, parameters, margin_of, holds, begun, seed)
         routes = {route.drone: tuple(_part_of(one) for one in flights_of(route)) for route in plan.routes}
         return Planned(routes, {one.order: one for one in plan.answers})
+
+    def _with_outlook(
+        self, now_s: float, work: Work, plan: DispatchPlan, forecast: WindEnsemble, parameters: PlannerParameters, margin_of: Mapping[str, DepartureMargin],
+        holds: Sequence[Hold], begun: Sequence[Begun], seed: int,
+    ) -> DispatchPlan:  # fmt: skip
+        """Simulate a plan from now on, with what is still to be flown of the flights under way before each drone's route."""
+        of, own = {one.vehicle.id: one for one in begun}, {one.itinerary for one in begun}
+        carried = tuple(one.order for one in begun if one.order is not None)
+        missing = tuple(one.vehicle for one in begun if all(one.vehicle.id != each.id for each in work.vehicles))
+        vehicles = (*(of[one.id].vehicle if one.id in of else one for one in work.vehicles), *missing)
+        places = tuple(place for one in carried for place in (one.origin, one.destination))
+        named = tuple(place for one in work.orders for place in (one.origin, one.destination))
+        scenario = self._region.with_places((*named, *places, *(one.place for one in vehicles)))
+        planned = {route.drone: route for route in plan.routes}
+        routes = []
+        for one in vehicles:
+            before, route = of[one.id].steps if one.id in of else (), planned.get(one.id)
+            steps = (*before, *(() if route is None else route.steps))
+            routes.append(Route(drone=one.id, type=one.type, orders=() if route is None else route.orders, steps=steps))
+        found = with_outlook(
+            Work(scenario, (*work.orders, *carried), vehicles), replace(plan, routes=tuple(routes)), forecast, parameters, reserve=self._region.service.reserve,
+            seed=seed, holds=[one for one in holds if one.itinerary not in own], seen=self._pads.at(now_s), windows=True, margin_of=margin_of,
+            in_air_s={one.vehicle.id: one.in_air_s for one in begun if one.in_air_s > 0.0},
+        )  # fmt: skip
+        return replace(found, routes=plan.routes)
+
+
+def under_way(situation: Situation, now_s: float) -> list[Begun]:
+    """Return the flights under way of drones that are not lost."""
+    found = []
+    for flight in situation.flights.values():
+        record = flight[1]
+        state, drone = situation.drones[record.drone]
+        if state == LOST:
+            continue
+        progress, part = record.progress, PlannedPart(order=record.order, phase=record.phase, steps=record.steps)
+        ends = [number for number, one in enumerate(record.steps, 1) if one.kind == "fly"]
+        place, soc, at_s, after = record.steps[0].origin, drone.soc, now_s, 0
+        if progress is not None and progress.soc is not None and 0 < progress.flights <= len(ends):
+            after = ends[progress.flights - 1]
+            last, leg = record.steps[after - 1], record.composition["legs"][progress.flights - 1]
+            place, soc = progress.station or last.destination, progress.soc
+            if progress.state in IN_AIR:
+                place, at_s = last.destination, max(last.end_s + progress.late_s, now_s)
+                rate = (leg["soc_depart"] - leg["soc_arrive"]) / max(leg["flight_time_s"], 1.0)
+                soc = progress.soc - rate * max(at_s - progress.at_s, 0.0)
+        carried = situation.orders.get(record.order or "")
+        order = None if carried is None or record.phase != WITH_PACKAGE else carried[1].order
+        if order is not None:
+            order = replace(order, origin=record.steps[0].origin)
+        vehicle = replace(drone.vehicle, place=place, soc=min(max(soc, 0.0), 1.0), available_from=from_posix(at_s))
+        steps = tuple(step_of(one, part) for one in record.steps[after:])
+        found.append(Begun(vehicle, steps, order, itinerary_name(record.order, record.drone), at_s - now_s))
+    return found
 
 
 def available(situation: Situation, now_s: float) -> dict[str, Vehicle]:

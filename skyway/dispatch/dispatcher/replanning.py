@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from skyway.dispatch.dispatcher.fleet_planner import available
+from skyway.dispatch.dispatcher.fleet_planner import available, under_way
 from skyway.dispatch.dispatcher.windows import as_holds, committed, out_of_order, to_book, windows_of
 from skyway.dispatch.records import WITH_PACKAGE
 from skyway.models.base.units import from_posix
@@ -107,7 +107,7 @@ class Replanning:
             now_s, [replace(one.order, origin=one.place) for one in pool.values()], list(vehicles.values()), holds,
             iterations=self._iterations, seed=self._plans, kept={name: situation.drones[name][1].route for name in vehicles},
             promised={name: from_posix(one.promise.delivered_s) for name, one in pool.items() if one.promise is not None},
-            once_promised=[name for name, one in pool.items() if one.first is not None],
+            once_promised=[name for name, one in pool.items() if one.first is not None], begun=under_way(situation, now_s),
         )  # fmt: skip
         for name in vehicles:
             self._take_route(name, made.routes.get(name, ()))

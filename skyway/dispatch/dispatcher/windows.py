@@ -21,7 +21,7 @@ def committed(situation: Situation, now_s: float) -> dict[str, list[Window]]:
     found: dict[str, list[Window]] = {}
     for name, (_, flight) in situation.flights.items():
         windows = windows_of(flight.steps, situation.late_s.get(name, 0.0), not_before_s=now_s)
-        found.setdefault(_itinerary(flight.order, flight.drone), []).extend(windows)
+        found.setdefault(itinerary_name(flight.order, flight.drone), []).extend(windows)
     return found
 
 
@@ -32,7 +32,7 @@ def wanted(situation: Situation, now_s: float) -> dict[str, list[Window]]:
         last = None
         for part in drone.route:
             last = part.order or last
-            found.setdefault(_itinerary(last, name), []).extend(windows_of(part.steps, not_before_s=now_s))
+            found.setdefault(itinerary_name(last, name), []).extend(windows_of(part.steps, not_before_s=now_s))
     return found
 
 
@@ -63,7 +63,8 @@ def out_of_order(situation: Situation) -> list[Hold]:
     ]  # fmt: skip
 
 
-def _itinerary(order: str | None, drone: str) -> str:
+def itinerary_name(order: str | None, drone: str) -> str:
+    """Return the name of the booking of a drone's windows for an order, or for its way home."""
     return order or f"home of {drone}"
 
 

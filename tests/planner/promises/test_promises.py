@@ -18,12 +18,22 @@ from skyway.models.queues.seen_pads import PadsSeen
 from skyway.models.queues.waiting_times import forecast_waits
 from skyway.models.scenario.file import read_scenario
 from skyway.planner.capacity.execution import carry_out
+from skyway.planner.dispatch.departure_margin import DepartureMargin
 from skyway.planner.dispatch.dispatch import dispatch
 from skyway.planner.dispatch.flights import lay_out_problem
 from skyway.planner.parameters.planner import USUAL
 from skyway.planner.promises.flown_kernels import World, flown
 from skyway.planner.promises.promises import fly_plan, outlook, promised, steps_of
-from skyway.planner.promises.worlds import checked_ratio, members_of, others_of, ratios_of, winds_of
+from skyway.planner.promises.worlds import (
+    asked_of,
+    checked_ratio,
+    checks_of,
+    members_of,
+    others_of,
+    ratios_of,
+    times_of,
+    winds_of,
+)
 
 START = datetime(2013, 7, 10, 18, tzinfo=UTC)
 RESERVE = 0.2
@@ -60,6 +70,9 @@ def plan(work, forecast):
     return made
 
 
+MARGIN = DepartureMargin(1.1, 1.2, 1.1, 1.25, (-0.02, 0.0, 0.03))
+
+
 class SameWorld:
     """A world as the execution of studies asks for it."""
 
@@ -76,10 +89,15 @@ class SameWorld:
     def flight(self, _, step, begin_s):
         key = self._key(step, begin_s)
         at = self.at[id(step)]
-        return float(self.world.time_s[key]), float(self.world.ratio[at] * self.steps.mass[at] * self.world.need[key])
+        takes_s = self.world.more_s[at] + self.world.pace[at] * self.world.time_s[key]
+        return float(takes_s), float(self.world.ratio[at] * self.steps.mass[at] * self.world.need[key])
 
     def wanted(self, _, step, begin_s):
-        return float(self.steps.checked[0] * self.steps.mass[self.at[id(step)]] * self.world.need[self._key(step, begin_s)])  # fmt: skip
+        key, at = self._key(step, begin_s), self.at[id(step)]
+        along_s = self.world.time_s[key] - self.steps.fixed_s
+        ratio = MARGIN.share + MARGIN.pace_mps * along_s / self.steps.far_m[at]
+        ratio = np.clip(ratio, MARGIN.least, MARGIN.most) + self.world.asked[at]
+        return float(ratio * self.steps.mass[at] * self.world.need[key])
 
     def charging_s(self, _, place, soc, up_to):
         curve = self.flights.curve_of[0, self.place[place]]
@@ -93,8 +111,10 @@ def test_a_world_is_flown_as_the_execution_of_studies_flies_it(work, plan, forec
     flights = laid.problem.flights._replace(pads=pads, first_pad=np.cumsum(pads) - pads)
     winds = winds_of(work, laid, START, forecast, USUAL, 5)
     random = np.random.default_rng(1)
-    steps = steps_of(work, laid, plan.routes)
+    steps = steps_of(work, laid, plan.routes, winds, checked=checks_of(work, 0.1, {"m200": MARGIN}))
     owner = np.repeat(np.arange(10), np.diff(steps.first))
+    times, asked = times_of(owner, 8, random, USUAL), asked_of(work, owner, 8, random, {"m200": MARGIN})
+    times.charging[:] = 1.0  # the execution has no such factor
     ratio, others = ratios_of(work, owner, 8, random), others_of(work, laid, START, 8, random)
     others.come_s[:] += 1e-6 * np.arange(
         len(others.come_s)
@@ -103,7 +123,7 @@ def test_a_world_is_flown_as_the_execution_of_studies_flies_it(work, plan, forec
     delivered = 0
     for number in range(8):
         member = number % 5
-        world = World(winds.time_s[member], winds.need[member], ratio[number], others.come_s, others.lasts_s, others.begin[number])  # fmt: skip
+        world = World(winds.time_s[member], winds.need[member], ratio[number], times.pace[number], times.more_s[number], times.charging[number], asked[number], others.come_s, others.lasts_s, others.begin[number])  # fmt: skip
         at_s, lowest = np.full(len(work.orders), np.inf), np.full(len(steps.kind), np.nan)
         flown(flights, steps, world, at_s, lowest)
         drawn = {}
@@ -208,3 +228,33 @@ def test_without_worlds_a_plan_has_no_probabilities(work, plan, forecast):
     none = replace(USUAL, dispatch=replace(USUAL.dispatch, worlds=0))
     assert promised(work, plan, forecast, none) is plan
     assert fly_plan(work, plan.routes, START, forecast, USUAL).delivered_s.shape == (200, 14)
+
+
+def test_the_landing_of_a_drone_in_the_air_is_not_certain(work, plan, forecast):
+    (first, *_) = [route for route in plan.routes if route.steps]
+    alone = [route for route in plan.routes if route.drone == first.drone]
+    exact = replace(USUAL, dispatch=replace(USUAL.dispatch, worlds=400))
+    far_s = 3600.0
+    vehicles = tuple(replace(one, available_from=START + timedelta(seconds=far_s)) if one.id == first.drone else one for one in work.vehicles)  # fmt: skip
+    later = replace(work, vehicles=vehicles)
+    number = [one.id for one in work.orders].index(first.orders[0])
+    known = fly_plan(later, alone, START, forecast, exact).delivered_s[:, number]
+    drawn = fly_plan(later, alone, START, forecast, exact, in_air_s={first.drone: far_s}).delivered_s[:, number]
+    both = np.isfinite(known) & np.isfinite(drawn)
+    assert both.mean() > 0.9
+    moved_s = drawn[both] - known[both]
+    assert np.std(moved_s) > 0.01 * far_s
+    assert abs(np.median(moved_s)) < 0.02 * far_s
+
+
+def test_with_windows_no_part_of_a_route_begins_before_its_time(work, plan, forecast):
+    late = timedelta(hours=1)
+    routes = [replace(route, steps=tuple(replace(one, begin=one.begin + late, end=one.end + late) for one in route.steps)) for route in plan.routes]  # fmt: skip
+    free = fly_plan(work, routes, START, forecast, USUAL).delivered_s
+    kept = fly_plan(work, routes, START, forecast, USUAL, windows=True).delivered_s
+    first = {route.orders[0]: route.steps[0].begin.timestamp() for route in routes if route.orders}
+    columns = [number for number, one in enumerate(work.orders) if one.id in first]
+    begins = np.array([first[work.orders[one].id] for one in columns])
+    assert (kept[:, columns] > begins).all()
+    assert (free[:, columns] < begins + 600.0).any()
+    assert np.isfinite(kept).mean() > 0.5
