@@ -137,8 +137,9 @@ def split(flight: FlightRecord, path: Path, causes: dict[str, list[float]]) -> N
     ready_s = max(flight.not_before_s, flight.begin_s)
     causes["handed to a worker after its planned begin"].append(begun_s - flight.begin_s)
     causes["on the ground, per flight"].append(sum(spent.values()) / hops)
-    causes["in the air beyond the plan, per flight"].append((air_s - planned["fly"]) / hops)
-    causes["air time over the planned, ratio"].append(air_s / planned["fly"])
+    causes["on the ground and in the air, beyond the plan, per flight"].append(
+        (sum(spent.values()) + air_s - planned["fly"]) / hops
+    )
     causes["charging beyond the plan"].append(charged_s - planned["charge"])
     gaps_s = flight.end_s - ready_s - planned["fly"] - planned["charge"]
     causes["waiting for a pad, a package or wind, beyond the plan"].append(waited_s + decided_s - max(gaps_s, 0.0))
@@ -183,10 +184,10 @@ def main() -> None:
             for number, (demo, whole) in enumerate(zip(demos, ended, strict=True)):
                 before = len(found.told)
                 read(folder / str(number), number, found)
-                own = [one.p95_s for one in found.told[before:]]
+                own = [one.p95_s for one in found.told[before:] if not np.isnan(one.p95_s)]
                 kept = sum(late_s <= 0.0 for late_s in own)
                 note = "" if whole else ", did not end"
-                print(f"{demo.begin:%Y-%m-%d %H:%M}, {demo.drones} drones: {len(own)} promised, {kept} by the 95 % time{note}", flush=True)  # fmt: skip
+                print(f"{demo.begin:%Y-%m-%d %H:%M}, {demo.drones} drones: {len(found.told) - before} promised, {kept} of {len(own)} by the 95 % time{note}", flush=True)  # fmt: skip
     show(found)
 
 
