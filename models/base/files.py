@@ -22,6 +22,15 @@ def file_error(action: str, path: Path, error: Exception) -> InputError:
     return InputError(f"cannot be {action}: {getattr(error, 'strerror', None) or error}", str(path))
 
 
+def make_folder(folder: Path, field: str) -> None:
+    """Make the folder of an option, with those above it; an `InputError` if the system does not allow it."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        problem = f"the folder cannot be made: {error.strerror or error}"
+        raise InputError(problem, field=field, value=str(folder), remedy="name a folder that can be written") from error
+
+
 PIPE_S = 10.0
 """A named pipe that nothing opens for writing in so long is an error: reading it would never end."""
 

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import csv
 import io
+import secrets
 import shutil
 import subprocess
 import sys
-from contextlib import closing, suppress
+import time
+from contextlib import closing, contextmanager, suppress
 from dataclasses import dataclass, field
 from datetime import datetime, timedelta
 from typing import TYPE_CHECKING
@@ -17,21 +19,29 @@ from zoneinfo import ZoneInfo
 import numpy as np
 
 from skyway.demo import DAY, DRONE, HOUR
+from skyway.dispatch.leases import KeptLeases
 from skyway.dispatch.simulation import ADDRESS
 from skyway.dispatch.status import outcome
 from skyway.models.base.errors import InputError, LinkLostError
-from skyway.models.base.files import write_atomically
+from skyway.models.base.files import make_folder, write_atomically
 from skyway.models.compute.worker_processes import lifeline
+from skyway.models.ledger.ledger import FencedError
+from skyway.models.ledger.opening import open_ledger
 from skyway.planner.capacity.demand import Demand, drones_of, orders_of
 from skyway.scenarios import load_scenario
 from skyway.sim_stub.transports.lockstep_client import LockstepClient
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Callable, Iterator, Sequence
     from pathlib import Path
 
 LEDGER, ORDERS, FLEET, OUTPUT = "fleet.db", "orders.csv", "fleet.csv", "run.out"
 JOURNALS = "flights"
+MARK = "demonstration.lock"
+"""File that marks a folder as that of a demonstration, and whose lease keeps others out while one runs there."""
+DISPATCHER = "dispatch"
+LEASE_S = 10.0
+"""Lifetime of the leases of a demonstration and of its service, s of wall time."""
 DUE_MIN = (90.0, 120.0, 150.0)
 NOTICE_MIN = 10.0
 """Time between the arrival of an order and its earliest pick-up, min."""
@@ -97,19 +107,30 @@ def _csv(names: Sequence[str], rows: Sequence[Sequence[object]]) -> str:
 def run_demo(demo: FleetDemo, say: Callable[[str], None], *, show: Callable[[str], None] | None = None) -> None:
     """Fly the fleet: while `show`, which receives the path of its page, runs; or to its end without it.
 
-    All processes that it starts end with this program, also if that is killed.
+    The files of the previous demonstration in its folder are replaced. All processes that it starts end with this program, also if
+    that is killed.
+
+    Raises
+    ------
+    InputError
+        If no order is drawn, if another demonstration or a service runs in the folder, or if files there are not those of a
+        demonstration; nothing is changed then.
     """
-    folder = demo.folder
-    if (folder / LEDGER).exists():
-        _remove_last(folder)
-    (folder / JOURNALS).mkdir(parents=True, exist_ok=True)
     drones, orders = draw(demo)
+    with _claimed(demo.folder):
+        _run(demo, drones, orders, say, show)
+
+
+def _run(
+    demo: FleetDemo, drones: str, orders: str, say: Callable[[str], None], show: Callable[[str], None] | None
+) -> None:
+    folder = demo.folder
     write_atomically(folder / FLEET, drones, force=True)
     write_atomically(folder / ORDERS, orders, force=True)
     words = [
         "dispatch", "run", "--simulate", "--ledger", LEDGER, "--orders", ORDERS, "--fleet", FLEET, "--depart", demo.begin.isoformat(),
         "--actual-wind", DAY.isoformat(), "--notice", f"{NOTICE_MIN:g}", "--workers", str(demo.workers), "--time-limit", "1",
-        "--seed", str(demo.seed), "--folder", JOURNALS,
+        "--seed", str(demo.seed), "--folder", JOURNALS, "--holder", DISPATCHER, "--lease", f"{LEASE_S:g}",
     ]  # fmt: skip
     say(
         f"{demo.drones} drones, {orders.count(chr(10)) - 1} orders in {demo.hours:g} h; in {folder}: skyway {' '.join(words)}"
@@ -132,7 +153,7 @@ def run_demo(demo: FleetDemo, say: Callable[[str], None], *, show: Callable[[str
             service.wait()
             _end_world(folder / JOURNALS / ADDRESS)
     if show is None:
-        for line in outcome(str(folder / LEDGER), "dispatch"):
+        for line in outcome(str(folder / LEDGER), DISPATCHER):
             say(line)
 
 
@@ -142,6 +163,47 @@ def _end_world(address: Path) -> None:
         world = LockstepClient(address.read_text(encoding="ascii").strip(), "demonstration")
         with closing(world):
             world.order("end")
+
+
+@contextmanager
+def _claimed(folder: Path) -> Iterator[None]:
+    """Hold a folder for one demonstration, without the files of the previous one."""
+    make_folder(folder, "--output")
+    names = [one for one in (LEDGER, ORDERS, FLEET, OUTPUT, JOURNALS) if (folder / one).exists()]
+    if names and not (folder / MARK).exists():
+        remedy = "name a new folder with --output, or move them away"
+        problem = f"has files that no demonstration has written ({', '.join(names)})"
+        raise InputError(problem, field="--output", value=str(folder), remedy=remedy)
+    make_folder(folder / JOURNALS, "--output")
+    leases = KeptLeases(str(folder / MARK), secrets.token_hex(8), LEASE_S)
+    try:
+        try:
+            leases.take(DISPATCHER)
+        except FencedError:
+            raise _in_use(folder, "another demonstration") from None
+        _wait_for_service(folder)
+        _remove_last(folder)
+        make_folder(folder / JOURNALS, "--output")
+        yield
+    finally:
+        leases.close()
+
+
+def _wait_for_service(folder: Path) -> None:
+    """Wait until the lease of an ended service expires; an `InputError` if it is renewed: the service still runs."""
+    if not (folder / LEDGER).exists():
+        return
+    with open_ledger(str(folder / LEDGER), create=False) as book:
+        end = time.monotonic() + 1.5 * LEASE_S
+        while book.led(DISPATCHER):
+            if time.monotonic() >= end:
+                raise _in_use(folder, "a service")
+            time.sleep(0.1)
+
+
+def _in_use(folder: Path, what: str) -> InputError:
+    remedy = f"end it, or name another folder with --output; after a kill, wait {LEASE_S:g} s"
+    return InputError(f"is in use: {what} runs there", field="--output", value=str(folder), remedy=remedy)
 
 
 def _remove_last(folder: Path) -> None:

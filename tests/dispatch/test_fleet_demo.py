@@ -16,7 +16,8 @@ from fleet_runs import ROOT, START
 from simulated import world_of
 
 from benchmarks.fleet.invariants import judge
-from skyway.dispatch.demonstration import ORDERS, FleetDemo, draw
+from skyway.cli.main import main
+from skyway.dispatch.demonstration import FLEET, JOURNALS, LEDGER, ORDERS, FleetDemo, draw, run_demo
 from skyway.dispatch.status import outcome
 from skyway.link.wire.frames import FrameWriter
 from skyway.models.base.errors import InputError
@@ -50,6 +51,52 @@ def test_what_is_drawn_fits_the_city_and_is_the_same_each_time(tmp_path):
 def test_a_time_without_orders_is_told(tmp_path):
     with pytest.raises(InputError, match="greater --rate or --hours"):
         draw(FleetDemo(folder=tmp_path, rate_per_h=0.1, hours=0.01))
+
+
+def contents(folder):
+    return {str(one.relative_to(folder)): one.read_bytes() for one in folder.rglob("*") if one.is_file()}
+
+
+def test_the_files_of_a_real_fleet_are_not_touched(tmp_path, capsys):
+    (tmp_path / JOURNALS).mkdir()
+    for name in (LEDGER, ORDERS, FLEET, f"{JOURNALS}/1.jsonl"):
+        (tmp_path / name).write_text("of a real fleet")
+    before = contents(tmp_path)
+    assert main(["dispatch", "demo", "--no-page", "-o", str(tmp_path)]) == 2
+    said = capsys.readouterr().err
+    assert "--output: has files that no demonstration has written (fleet.db, orders.csv, fleet.csv, flights)" in said
+    assert str(tmp_path) in said
+    assert "name a new folder" in said
+    assert contents(tmp_path) == before
+
+
+def test_a_running_demonstration_keeps_its_folder_and_the_next_one_takes_it(tmp_path):
+    demo = FleetDemo(folder=tmp_path, drones=1, rate_per_h=30.0, hours=0.1, seed=5, workers=1)
+    seen = []
+
+    def show(_):
+        (tmp_path / JOURNALS / "mine.jsonl").write_text("a journal")
+        with pytest.raises(InputError, match="--output: is in use: another demonstration runs there"):
+            run_demo(demo, seen.append, show=seen.append)
+        assert (tmp_path / JOURNALS / "mine.jsonl").exists()
+        seen.append("refused")
+
+    run_demo(demo, lambda _: None, show=show)
+    assert seen == ["refused"]
+    with pytest.raises(InputError, match="no order is drawn"):
+        run_demo(FleetDemo(folder=tmp_path, rate_per_h=0.1, hours=0.01), seen.append)
+    assert (tmp_path / JOURNALS / "mine.jsonl").exists()
+    run_demo(demo, lambda _: None, show=lambda _: seen.append((tmp_path / JOURNALS / "mine.jsonl").exists()))
+    assert seen == ["refused", False]
+
+
+@pytest.mark.parametrize("command", [["dispatch", "demo", "--no-page"], ["demo"]])
+def test_a_folder_that_cannot_be_made_is_told_with_its_option(tmp_path, capsys, command):
+    (tmp_path / "file").touch()
+    assert main([*command, "-o", str(tmp_path / "file" / "x")]) == 2
+    said = capsys.readouterr().err
+    assert "--output: the folder cannot be made: Not a directory (got " in said
+    assert "name a folder" in said
 
 
 def test_bytes_come_at_whole_seconds_and_at_once_where_some_were_sent():
