@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 from zoneinfo import ZoneInfo
 
 from skyway.missions.autopilots import NAMES
+from skyway.models.base.files import make_folder
 from skyway.models.base.formatting import distance_text, duration, zone_clock
 from skyway.models.base.units import from_posix
 
@@ -55,7 +56,7 @@ def run_demo(options: DemoOptions, say: Callable[[str], None]) -> Outcome:
 
     planner = options.planner or ROBUST
     scenario, request, forecast, composition = _plan(options, planner)
-    options.folder.mkdir(parents=True, exist_ok=True)
+    make_folder(options.folder, "--output")
     save(composition, options.folder / "plan.json", force=True)
     stops = [stop.station for stop in composition.stops if stop.recharge_s > 0.0]
     say(f"plan ({planner}): {' > '.join(composition.route)}")
