@@ -1,6 +1,7 @@
 """What the status of a service says: its time, and what its drones do."""
 
 from dataclasses import replace
+from datetime import timedelta
 
 import pytest
 from fleet_runs import START
@@ -15,15 +16,18 @@ from skyway.dispatch.records import (
     DroneRecord,
     End,
     FlightRecord,
+    OrderRecord,
     PlannedPart,
     PlanStep,
     Progress,
+    Promise,
     ServiceRecord,
     written,
 )
 from skyway.models.ledger.desk import Desk
 from skyway.models.ledger.opening import open_ledger
-from skyway.models.orders.order import Vehicle
+from skyway.models.orders.order import Order, Vehicle
+from skyway.web.work.dispatched import told
 
 BEGIN_S = START.timestamp()
 D1 = Vehicle(id="d1", type="m200", home="bellevue", place="bellevue")
@@ -81,6 +85,56 @@ def test_a_drone_that_charges_does_not_fly_and_what_it_does_next_tells_pick_up_f
     words = " ".join(shown(tmp_path, capsys).split())
     assert "d1 under way jacobi 90 % home: charging" in words
     assert "deliver s1, fetch x, deliver x, home" in words
+
+
+def put_order(desk, name, state, *, due_min, delivered_min=None, first_min=None, reason="", drone="d1"):
+    order = Order(id=name, origin="bellevue", destination="jacobi", mass_kg=0.3, ready=START, due=START + timedelta(minutes=due_min))  # fmt: skip
+    promise, first = (
+        None if one is None else Promise(drone=drone, fetched_s=BEGIN_S, delivered_s=BEGIN_S + 60.0 * one)
+        for one in (delivered_min, delivered_min if first_min is None else first_min)
+    )
+    desk.put_down("order", name, state, written(OrderRecord(order=order, place="bellevue", promise=promise, first=first, reason=reason)))  # fmt: skip
+
+
+def fly(begin_min, end_min):
+    return structs.replace(STEP, begin_s=BEGIN_S + 60.0 * begin_min, end_s=BEGIN_S + 60.0 * end_min)
+
+
+def test_table_and_page_tell_which_orders_are_late_or_will_be_and_each_share_of_the_delay(desk, tmp_path, capsys):
+    put_service(desk, tmp_path)
+    put_order(
+        desk, "o1", "under way", due_min=19, delivered_min=40
+    )  # promised late from the start, and its drone is late
+    put_order(desk, "o2", "promised", due_min=62, delivered_min=60)  # in time, were the same drone not late
+    put_order(desk, "o3", "promised", due_min=99, delivered_min=100)  # the drone waits long enough before
+    put_order(desk, "o4", "aboard", due_min=23, delivered_min=60, first_min=20, reason="at jacobi: the wind is above the limit", drone="d2")  # fmt: skip
+    put_order(desk, "o5", "new", due_min=90, first_min=50, reason="no drone is available")
+    put_order(desk, "o6", "new", due_min=5)  # no promise yet: it will have one, or is refused
+    put_order(desk, "o7", "delivered", due_min=5, delivered_min=30)  # nothing is left to do
+    progress = structs.replace(FLIGHT.progress, at_s=BEGIN_S + 600.0, state="flying", late_s=300.0)
+    flight = structs.replace(FLIGHT, order="o1", phase=WITH_PACKAGE, steps=(fly(0, 40),), progress=progress)
+    route = tuple(
+        PlannedPart(order=order, phase=phase, steps=(fly(*when),))
+        for order, phase, when in (
+            ("o2", TO_PACKAGE, (41, 45)), ("o2", WITH_PACKAGE, (45, 60)), ("o3", WITH_PACKAGE, (85, 100)),
+        )
+    )  # fmt: skip
+    desk.put_down("flight", "f1", "flying", written(flight))
+    for name, of in (("d1", {"flight": "f1", "route": route}), ("d2", {"aboard": "o4"})):
+        one = DroneRecord(vehicle=replace(D1, id=name), system=1, place="jacobi", soc=0.9, **of)
+        desk.put_down("drone", name, "flying" if name == "d1" else "standing", written(one))
+    wanted = [
+        "no dispatcher runs: start skyway dispatch run again with the same ledger",
+        "dispatch/worker 1 does not run",
+        "o4 is expected 37 min after its due time: at jacobi: the wind is above the limit",
+        "o1 is expected 26 min after its due time: its plan is 21 min late already (promised 21 min late from the start), and d1 is 5 min behind that plan",
+        "o2 is expected 2 min after its due time: d1 is 4 min behind its plan, which had 2 min to spare",
+        "o3 is expected 1 min after its due time: promised 1 min late from the start",
+        "o5 is no longer promised: no drone is available",
+    ]  # fmt: skip
+    lines = shown(tmp_path, capsys).splitlines()
+    assert lines[1 : 1 + len(wanted)] == [f"! {one}" for one in wanted]
+    assert told(str(tmp_path / "ledger.db"), "dispatch")["alarms"] == wanted
 
 
 def test_a_reason_is_told_once():

@@ -107,7 +107,9 @@ def test_what_needs_a_person_comes_first_and_bars_are_those_of_the_ledger(ledger
     assert alarms[1].startswith("d2 is lost")
     assert alarms[2].startswith("o2 needs a person")
     assert "pad 1 of jacobi" in alarms[-2]
-    assert alarms[-1] == "o1 is expected 3 min after its due time: d1 is 5 min behind its plan"
+    assert (
+        alarms[-1] == "o1 is expected 3 min after its due time: d1 is 5 min behind its plan, which had 2 min to spare"
+    )
     bars = {row["name"]: [(bar["kind"], bar["state"]) for bar in row["bars"]] for row in found["doing"]}
     assert bars == {"d1": [("fly", "now"), ("charge", "planned"), ("fly", "planned")], "d2": []}
     assert [row["name"] for row in found["booked"]] == ["jacobi 1"]

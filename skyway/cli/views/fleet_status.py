@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Literal
 from zoneinfo import ZoneInfo
 
 from skyway.cli.views.sheet import Column, Sheet, say
+from skyway.dispatch.attention import alarms
 from skyway.models.base.formatting import clock, date_clock, duration, percent
 from skyway.models.base.units import from_posix
 
@@ -22,26 +23,10 @@ def print_status(status: Status, timezone: str) -> None:
     """Print a status."""
     zone = ZoneInfo(timezone)
     counts = ", ".join(f"{status.count(one)} {one}" for one in sorted({state for state, _ in status.orders.values()}))
-    led = (
-        ""
-        if status.led or status.state == "ended"
-        else "; NO DISPATCHER RUNS: start skyway dispatch run again with the same ledger"
-    )
-    down = [name for name, alive in status.workers.items() if not alive] if status.state != "ended" else []
     say(f"{status.dispatcher}, {status.state}, {date_clock(from_posix(status.now_s), zone, named=True)}: {len(status.orders)} orders ({counts or 'none'}); "
-        f"{len(status.flights)} flights of {len(status.drones)} drones{led}")  # fmt: skip
-    for name, (state, one) in status.drones.items():
-        if state == "lost":
-            say(f"! {name} is lost, a person must check it: {one.reason}")
-    for name, (state, order) in status.orders.items():
-        if state == "handed to a person":
-            say(f"! {name} needs a person: {order.reason}")
-    for _, pad in status.pads.values():
-        say(
-            f"! pad {pad.pad} of {pad.station} is out of order until {clock(from_posix(pad.until_s), zone, from_posix(status.now_s))}"
-        )
-    for name in down:
-        say(f"! {name} has stopped")
+        f"{len(status.flights)} flights of {len(status.drones)} drones")  # fmt: skip
+    for words in alarms(status):
+        say(f"! {words}")
     say("")
     print_orders(status, timezone)
     say("")

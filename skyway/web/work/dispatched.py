@@ -5,9 +5,8 @@ from __future__ import annotations
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
-from skyway.dispatch.records import WITH_PACKAGE
+from skyway.dispatch.attention import alarms
 from skyway.dispatch.status import Status, document_of, status_of
-from skyway.models.base.formatting import duration
 from skyway.models.ledger.desk import Desk
 from skyway.models.ledger.opening import open_ledger
 from skyway.scenarios import load_scenario
@@ -18,8 +17,6 @@ if TYPE_CHECKING:
 
 MOST_ROWS = 200
 """Number of drones and pads that are drawn; all are in the tables."""
-LATE_S = 60.0
-"""An order that is expected so long after its due time is an alarm."""
 SHOWN = 1.645
 """Standard deviations within which nine of ten drones arrive and leave."""
 
@@ -34,7 +31,7 @@ def told(ledger: str, holder: str) -> dict[str, Any]:
         if one["lat"] is None:  # a standing drone is at its station
             one["lat"], one["lon"] = _places(status.service.scenario).get(one["place"], (None, None))
     return document | {
-        "timezone": _timezone(status.service.scenario), "now_s": status.now_s, "alarms": _alarms(status), "doing": _doing(status),
+        "timezone": _timezone(status.service.scenario), "now_s": status.now_s, "alarms": alarms(status), "doing": _doing(status),
         "booked": _booked(status), "whole": len(status.drones),
     }  # fmt: skip
 
@@ -53,42 +50,6 @@ def _timezone(scenario: str | None) -> str:
 @lru_cache(maxsize=8)
 def _places(scenario: str | None) -> dict[str, tuple[float | None, float | None]]:
     return {one.id: (one.lat, one.lon) for one in _scenario(scenario).network.stations}
-
-
-def _alarms(status: Status) -> list[str]:
-    """Alarms that require a person, the worst first."""
-    running = status.state != "ended"
-    found = ["no dispatcher runs: start it again with the same ledger"] if running and not status.led else []
-    found += [
-        f"{name} is lost, a person must check it: {one.reason}"
-        for name, (state, one) in status.drones.items()
-        if state == "lost"
-    ]
-    found += [
-        f"{name} needs a person: {order.reason}" for name, (state, order) in status.orders.items() if state == "handed to a person"
-    ]  # fmt: skip
-    found += [f"{name} does not run" for name, alive in status.workers.items() if running and not alive]
-    for _, pad in status.pads.values():
-        why = f": {pad.reason}" if pad.reason else ""
-        found.append(f"pad {pad.pad} of {pad.station} is out of order{why}")
-    return found + _late(status)
-
-
-def _late(status: Status) -> list[str]:
-    """Orders under way that are expected after their due times, the latest first."""
-    found = []
-    for _, flight in status.flights.values():
-        _, order = status.orders.get(flight.order or "", ("", None))
-        if order is None:
-            continue
-        delivers_s = (
-            flight.end_s if flight.phase == WITH_PACKAGE or order.promise is None else order.promise.delivered_s
-        )
-        after_s = delivers_s + flight.late_s - order.order.due.timestamp()
-        if flight.late_s > 0.0 and after_s >= LATE_S:
-            words = f"{flight.order} is expected {duration(after_s)} after its due time: {flight.drone} is {duration(flight.late_s)} behind its plan"
-            found.append((after_s, words))
-    return [words for _, words in sorted(found, reverse=True)]
 
 
 def _bars(steps: tuple[PlanStep, ...], what: str, state: str) -> list[dict[str, Any]]:
