@@ -8,7 +8,9 @@ from fleet_runs import START
 from msgspec import structs
 
 from skyway.cli.main import main
+from skyway.dispatch.dispatcher.promises import Promises
 from skyway.dispatch.dispatcher.reasons import Reasons
+from skyway.dispatch.dispatcher.situation import Situation
 from skyway.dispatch.records import (
     HOME,
     TO_PACKAGE,
@@ -27,7 +29,8 @@ from skyway.dispatch.records import (
 from skyway.models.ledger.desk import Desk
 from skyway.models.ledger.opening import open_ledger
 from skyway.models.orders.order import Order, Vehicle
-from skyway.web.work.dispatched import told
+from skyway.planner.dispatch.result import Answer
+from skyway.web.work.dispatched import told as told_on_the_page
 
 BEGIN_S = START.timestamp()
 D1 = Vehicle(id="d1", type="m200", home="bellevue", place="bellevue")
@@ -134,7 +137,7 @@ def test_table_and_page_tell_which_orders_are_late_or_will_be_and_each_share_of_
     ]  # fmt: skip
     lines = shown(tmp_path, capsys).splitlines()
     assert lines[1 : 1 + len(wanted)] == [f"! {one}" for one in wanted]
-    assert told(str(tmp_path / "ledger.db"), "dispatch")["alarms"] == wanted
+    assert told_on_the_page(str(tmp_path / "ledger.db"), "dispatch")["alarms"] == wanted
 
 
 def test_a_reason_is_told_once():
@@ -142,3 +145,24 @@ def test_a_reason_is_told_once():
     why = Reasons(of_drone={"d1": "d1 is 5 min late", "d2": "d2 is 3.3 min late"})
     assert why.why(["d2", "d2"]) == "d2 is 3.3 min late"
     assert why.why(["d2", "d1"]) == "d2 is 3.3 min late; d1 is 5 min late"
+
+
+@pytest.mark.parametrize(
+    ("planned_min", "why", "told"),
+    [
+        (24, Reasons(of_drone={"d1": "d1 is 3.3 min late"}, delays_s={"d1": 198.0}),
+         "19 min later: d1 is 3.3 min late; 4 min of that was in the plan already; planning the fleet again around it adds 12 min"),
+        (20, Reasons(of_drone={"d2": "d2 is 3.3 min late"}, delays_s={"d2": 198.0}),
+         "19 min later: d2 is 3.3 min late; planning the fleet again around it adds 19 min"),
+        (20, Reasons(of_drone={"d1": "d1 is 19 min late"}, delays_s={"d1": 1140.0}), "19 min later: d1 is 19 min late"),
+        (20, Reasons(general=["pad jacobi 1 is out of order"]), "19 min later: pad jacobi 1 is out of order"),
+    ],
+)  # fmt: skip
+def test_a_changed_promise_tells_the_shares_that_its_reason_does_not_explain(desk, planned_min, why, told):
+    situation, said = Situation(desk), []
+    order = Order(id="o1", origin="bellevue", destination="jacobi", mass_kg=0.3, ready=START, due=START + timedelta(hours=2))  # fmt: skip
+    before = Promise(drone="d1", fetched_s=BEGIN_S, delivered_s=BEGIN_S + 1200.0)
+    situation.orders["o1"] = ("promised", OrderRecord(order=order, place="bellevue", promise=before, first=before))
+    later = Answer(order="o1", status="served", drone="d1", fetched=START, delivered=START + timedelta(minutes=39))
+    Promises(situation, said.append).answer(BEGIN_S, "o1", later, why, BEGIN_S + 60.0 * planned_min)
+    assert said == [f"o1: {told}"]

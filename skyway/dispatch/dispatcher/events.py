@@ -111,6 +111,7 @@ class Events:
             if flight.progress is None and now_s > flight.begin_s + LATE_S:
                 late_s = max(late_s, now_s - flight.begin_s)
             if late_s - situation.late_s.get(name, 0.0) >= LATE_S:
+                why.delays_s[flight.drone] = late_s - situation.late_s.get(name, 0.0)
                 situation.late_s[name] = late_s
                 why.of_drone[flight.drone] = f"{flight.drone} is {duration(late_s)} late"
             progress = flight.progress

@@ -18,6 +18,9 @@ if TYPE_CHECKING:
     from skyway.planner.dispatch.result import Answer
     from skyway.planner.parameters.dispatch import DispatchParameters
 
+TOLD_S = 60.0
+"""Least share of a delay that is told, s."""
+
 
 class Promises:
     """Answers to orders.
@@ -33,8 +36,8 @@ class Promises:
     def __init__(self, situation: Situation, say: Callable[[str], None]) -> None:
         self._situation, self._say = situation, say
 
-    def answer(self, now_s: float, name: str, answer: Answer, why: Reasons) -> None:
-        """Answer an order according to a plan."""
+    def answer(self, now_s: float, name: str, answer: Answer, why: Reasons, planned_s: float | None = None) -> None:
+        """Answer an order according to a plan; `planned_s` is its delivery in the plan before, POSIX seconds."""
         situation = self._situation
         state, order = situation.orders[name]
         before, after = order.promise, _promise_of(answer)
@@ -42,7 +45,7 @@ class Promises:
         if how:
             order.changes += 1
             drones = [one.drone for one in (before, after) if one is not None]
-            reason = f"{how}: {why.why(drones)}"
+            reason = f"{how}: {why.why(drones)}{_shares(before, after, planned_s, why.delay_s(drones))}"
             number = f"{name} {order.changes}"
             situation.board.change(
                 "change", number, "told", ChangeRecord(at_s=now_s, order=name, before=before, after=after, why=reason)
@@ -101,3 +104,17 @@ def _changed(before: Promise | None, after: Promise | None) -> str:
         return "it is no longer promised"
     later_s = after.delivered_s - before.delivered_s
     return f"{duration(later_s)} later" if later_s > TOLERATED_S else ""
+
+
+def _shares(before: Promise | None, after: Promise | None, planned_s: float | None, delay_s: float | None) -> str:
+    """Return the shares of a delay that its reason does not explain: what was planned already, and what comes with the new plan.
+
+    `delay_s` is the delay of the reason, None if that is none; shares of less than `TOLD_S` are not told.
+    """
+    if before is None or after is None or planned_s is None:
+        return ""
+    already_s = planned_s - before.delivered_s
+    more_s = after.delivered_s - planned_s - (delay_s or 0.0)
+    already = f"; {duration(already_s)} of that was in the plan already" if already_s >= TOLD_S else ""
+    more = f"; planning the fleet again around it adds {duration(more_s)}"
+    return already + (more if delay_s is not None and more_s >= TOLD_S else "")

@@ -12,6 +12,8 @@ from skyway.models.base.units import from_posix
 from skyway.models.ledger.ledger import TakenError
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from skyway.dispatch.dispatcher.bookings import Bookings
     from skyway.dispatch.dispatcher.fleet_planner import FleetPlanner
     from skyway.dispatch.dispatcher.promises import Promises
@@ -60,8 +62,10 @@ class Replanning:
         """Replan around present flights, and book; a `TakenError`: others book faster than this dispatcher plans."""
         self._planned_s = now_s
         self._plans += 1
+        drones = [one for _, one in self._situation.drones.values()]
+        planned_s = {part.order: part.end_s for one in drones for part in one.route if part.phase == WITH_PACKAGE}
         for number in range(ROUNDS):
-            self._plan_orders(now_s, self._held(now_s), why)
+            self._plan_orders(now_s, self._held(now_s), why, planned_s)
             try:
                 self._bookings.bring_up_to_date(to_book(self._situation, now_s), now_s)
             except TakenError:
@@ -87,7 +91,9 @@ class Replanning:
         ]
         return [*out_of_order(situation), *self._bookings.of_others(now_s), *flying, *alone]
 
-    def _plan_orders(self, now_s: float, holds: list[Hold], why: Reasons) -> None:
+    def _plan_orders(
+        self, now_s: float, holds: list[Hold], why: Reasons, planned_s: Mapping[str | None, float]
+    ) -> None:
         situation = self._situation
         carried = {flight.order for _, flight in situation.flights.values() if flight.phase == WITH_PACKAGE}
         pool = {
@@ -112,7 +118,7 @@ class Replanning:
         for name in vehicles:
             self._take_route(name, made.routes.get(name, ()))
         for name in pool:
-            self._promises.answer(now_s, name, made.answers[name], why)
+            self._promises.answer(now_s, name, made.answers[name], why, planned_s.get(name))
 
     def _take_route(self, name: str, route: tuple[PlannedPart, ...]) -> None:
         """Give a drone its route; one without a route continues home if it was on its way there."""
