@@ -60,15 +60,17 @@ class Status:
         """Return the number of orders in a state."""
         return sum(one == state for one, _ in self.orders.values())
 
-    def shown(self, drone: str) -> tuple[str, str]:
-        """Return the state of a drone and what it does now, for people: a drone under way stands on pads, too."""
+    def shown(self, drone: str) -> tuple[str, str, str]:
+        """Return the state of a drone, its place and what it does now, for people: a drone under way stands on pads, too."""
         state, one = self.drones[drone]
         _, flight = self.flights.get(one.flight or "", ("", None))
         if flight is not None:
             doing = f"{flight.task}: {'begins' if flight.progress is None else flight.progress.state}"
         else:
             doing = "" if one.idle is None else f"charges on pad {one.idle.pad}"
-        return "under way" if state == FLYING else state, doing
+        progress = None if flight is None else flight.progress
+        place = one.place if progress is None else progress.station or "in the air"
+        return "under way" if state == FLYING else state, place, doing
 
     @property
     def lateness_s(self) -> list[float]:

@@ -116,6 +116,8 @@ def test_what_needs_a_person_comes_first_and_bars_are_those_of_the_ledger(ledger
     places = {one["id"]: (one["lat"], one["lon"]) for one in found["drones"]}
     assert places["d1"] == (40.8, -73.9)
     assert places["d2"] == pytest.approx((40.857, -73.846), abs=0.01)
+    assert {one["id"]: one["place"] for one in found["drones"]} == {"d1": "in the air", "d2": "jacobi"}
+    assert "<td>in the air</td>" in parts(found, Preferences())["drones"]
     with pytest.raises(InputError, match="no service of this name"):
         told(str(ledger), "another")
 

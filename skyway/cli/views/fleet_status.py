@@ -36,9 +36,8 @@ def print_status(status: Status, timezone: str) -> None:
         flight = status.flights.get(one.flight or "")
         progress = None if flight is None else flight[1].progress
         soc = one.soc if progress is None or progress.soc is None else progress.soc
-        state, doing = status.shown(name)
+        state, place, doing = status.shown(name)
         late = duration(flight[1].late_s) if flight is not None and flight[1].late_s >= 60.0 else ""
-        place = (progress.station or "in the air") if progress is not None else one.place
         drones.add(name, state, place, percent(soc), doing, late, ", ".join(part.task for part in one.route))
     drones.show()
     if status.changes:

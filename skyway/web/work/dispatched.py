@@ -27,9 +27,9 @@ def told(ledger: str, holder: str) -> dict[str, Any]:
         status = status_of(Desk(book, holder))
     document = document_of(status)
     for one in document["drones"]:
-        one["shown"], one["doing"] = status.shown(one["id"])
         if one["lat"] is None:  # a standing drone is at its station
             one["lat"], one["lon"] = _places(status.service.scenario).get(one["place"], (None, None))
+        one["shown"], one["place"], one["doing"] = status.shown(one["id"])
     return document | {
         "timezone": _timezone(status.service.scenario), "now_s": status.now_s, "alarms": alarms(status), "doing": _doing(status),
         "booked": _booked(status), "whole": len(status.drones),
