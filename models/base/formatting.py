@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 from typing import TYPE_CHECKING, TypeGuard
@@ -27,6 +28,11 @@ FINE = 0.1
 def is_known(value: float | None) -> TypeGuard[float]:
     """Whether a figure is known, and a finite number."""
     return value is not None and math.isfinite(value)
+
+
+def natural(text: str) -> tuple[tuple[str, int], ...]:
+    """Return the key by which people sort names: numbers in them by their values, ``d2`` before ``d10``."""
+    return tuple((word, int(number or -1)) for word, number in re.findall(r"([^0-9]*)([0-9]{0,18})", text))
 
 
 def step_for(half_width_s: float, time_s: float = math.inf) -> int:

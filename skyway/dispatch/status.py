@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from skyway.dispatch.records import (
     ACTIVE,
@@ -22,6 +22,7 @@ from skyway.dispatch.records import (
     read,
 )
 from skyway.models.base.errors import InputError
+from skyway.models.base.formatting import natural
 from skyway.models.base.units import from_posix, iso
 from skyway.models.ledger.audit import audit
 from skyway.models.ledger.desk import Desk
@@ -31,6 +32,7 @@ if TYPE_CHECKING:
     from skyway.models.ledger.ledger import Hold
 
 SCHEMA = "skyway.fleet-status/1"
+T = TypeVar("T")
 
 
 @dataclass(frozen=True)
@@ -91,8 +93,8 @@ def status_of(desk: Desk) -> Status:
     service = read(found, ServiceRecord)
     flights = board.read("flight", FlightRecord, ACTIVE)
     changes = board.read("change", ChangeRecord)
-    orders = board.read("order", OrderRecord)
-    drones = board.read("drone", DroneRecord)
+    orders = _sorted(board.read("order", OrderRecord))
+    drones = _sorted(board.read("drone", DroneRecord))
     times_s = [
         service.begin_s,
         *(one.at_s for _, one in changes.values()),
@@ -107,9 +109,13 @@ def status_of(desk: Desk) -> Status:
     names = [worker_name(desk.dispatcher, number) for number in range(1, service.workers + 1)]
     return Status(
         dispatcher=desk.dispatcher, state=found.state, led=desk.ledger.led(desk.dispatcher), now_s=max(times_s),
-        service=service, orders=orders, drones=drones, flights=flights, pads=board.read("pad", PadRecord, ("out",)),
+        service=service, orders=orders, drones=drones, flights=flights, pads=_sorted(board.read("pad", PadRecord, ("out",))),
         changes=changes, holds=desk.ledger.holds(), workers={one: desk.ledger.led(one) for one in names},
     )  # fmt: skip
+
+
+def _sorted(found: dict[str, T]) -> dict[str, T]:
+    return {name: found[name] for name in sorted(found, key=natural)}
 
 
 def outcome(ledger: str, dispatcher: str) -> list[str]:

@@ -147,6 +147,21 @@ def test_a_reason_is_told_once():
     assert why.why(["d2", "d1"]) == "d2 is 3.3 min late; d1 is 5 min late"
 
 
+def test_numbers_in_names_are_sorted_as_numbers_on_page_and_table(desk, tmp_path, capsys):
+    put_service(desk, tmp_path)
+    for number in (10, 1, 2):
+        put_order(desk, f"order-{number}", "new", due_min=90)
+        one = DroneRecord(vehicle=replace(D1, id=f"drone-{number}"), system=number, place="bellevue", soc=0.5)
+        desk.put_down("drone", f"drone-{number}", "standing", written(one))
+    words = shown(tmp_path, capsys).split()
+    page = told_on_the_page(str(tmp_path / "ledger.db"), "dispatch")
+    for kind in ("order", "drone"):
+        names = [f"{kind}-{number}" for number in (1, 2, 10)]
+        assert [word for word in words if word in names] == names
+        assert [one["id"] for one in page[f"{kind}s"]] == names
+    assert [one["name"] for one in page["doing"]] == ["drone-1", "drone-2", "drone-10"]
+
+
 @pytest.mark.parametrize(
     ("planned_min", "why", "told"),
     [

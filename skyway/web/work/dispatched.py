@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from skyway.dispatch.attention import alarms
 from skyway.dispatch.status import Status, document_of, status_of
+from skyway.models.base.formatting import natural
 from skyway.models.ledger.desk import Desk
 from skyway.models.ledger.opening import open_ledger
 from skyway.scenarios import load_scenario
@@ -95,5 +96,5 @@ def _booked(status: Status) -> list[dict[str, Any]]:
         rows.setdefault((pad.station, pad.pad), []).append(out)
     return [
         {"name": f"{station} {number}", "bars": bars, "wrong": any(one["kind"] == "hold" for one in bars)}
-        for (station, number), bars in sorted(rows.items())[:MOST_ROWS]
+        for (station, number), bars in sorted(rows.items(), key=lambda row: (natural(row[0][0]), row[0][1]))[:MOST_ROWS]
     ]
