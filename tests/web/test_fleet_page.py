@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from datetime import UTC, datetime, timedelta
 
 import pytest
@@ -132,6 +133,16 @@ def test_the_parts_tell_times_in_the_zone_that_is_preferred_and_no_text_is_a_scr
     assert "<svg" in utc["drones-when"]
     assert "<svg" in utc["pads-when"]
     assert not any("<img" in words for words in utc.values())
+
+
+def test_a_name_that_is_too_long_for_a_chart_keeps_its_number(ledger):
+    found = told(str(ledger), "dispatch")
+    bars = found["booked"][0]["bars"]
+    names = ("hackensack 1", "hackensack 12", "jacobi 1", "courier-drone-117", "yankee-stadium-north")
+    found["booked"] = [{"name": name, "bars": bars, "wrong": False} for name in names]
+    shown = re.findall(r"</title>([^<]*)</text>", parts(found, Preferences())["pads-when"])
+    assert shown == ["hackensa… 1", "hackens… 12", "jacobi 1", "courie…-117", "yankee-sta…"]
+    assert all(len(name) <= 11 for name in shown)
 
 
 @pytest.mark.slow

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from typing import TYPE_CHECKING, Any
 
 from skyway.models.base.formatting import clock, date_clock, percent
@@ -19,6 +20,8 @@ PARTS = ("head", "alarms", "drones-when", "pads-when", "orders", "drones", "chan
 """Parts of the page, from the top."""
 ROW = 18.0
 """Height of a row of a chart."""
+NAME_CHARS = 11
+"""Characters that fit beside a chart."""
 LONGEST_S = 24 * 3600.0
 """Time shown in a chart, from now on."""
 BEFORE_S = 1800.0
@@ -82,7 +85,7 @@ def _chart(title: str, rows: Sequence[dict[str, Any]], found: dict[str, Any], zo
     drawn = [PATTERNS, frame.ticks(4.0, bottom)]
     for number, row in enumerate(rows):
         y = 6.0 + ROW * number
-        name = row["name"] if len(row["name"]) <= 11 else f"{row['name'][:10]}…"
+        name = _cut(row["name"])
         drawn.append(
             f'<text class="tick" x="{LEFT - 6:g}" y="{y + 12:g}" text-anchor="end"><title>{safe(row["name"])}</title>{"! " if row["wrong"] else ""}{safe(name)}</text>'
         )
@@ -93,6 +96,15 @@ def _chart(title: str, rows: Sequence[dict[str, Any]], found: dict[str, Any], zo
     more = f"<p class='faint'>The first {len(rows)} are drawn.</p>" if len(rows) >= 200 else ""
     svg = f'<svg class="chart" viewBox="0 0 {WIDTH:g} {bottom + 18:g}" role="img" aria-label="{safe(said)}">{"".join(drawn)}</svg>'
     return f"<h2>{title}</h2>{LEGEND if title == 'Drones' else ''}{svg}{more}"
+
+
+def _cut(name: str) -> str:
+    """Return a name that fits beside a chart; the number at its end, that of a pad or drone, stays."""
+    if len(name) <= NAME_CHARS:
+        return name
+    number = re.search(r"[ -]?[0-9]{0,6}$", name)
+    tail = "" if number is None else number[0]
+    return f"{name[: NAME_CHARS - 1 - len(tail)]}…{tail}"
 
 
 def _bar(bar: dict[str, Any], y: float, frame: Frame, zone: tzinfo) -> str:
