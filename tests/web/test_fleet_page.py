@@ -65,7 +65,9 @@ def ledger(tmp_path):
         first, then = (Promise(drone="d1", fetched_s=BEGIN_S, delivered_s=BEGIN_S + 60.0 * one) for one in (40, 55))
         record = OrderRecord(order=order, place="bellevue", drone="d1", promise=then, first=first, changes=1)
         desk.put_down("order", "o1", "under way", written(record))
-        lost = OrderRecord(order=order, place="nowhere", reason=f"its drone {SCRIPT}")
+        lost = OrderRecord(
+            order=order, place="nowhere", reason=f"its drone {SCRIPT} " + "stands where nobody can reach it; " * 12
+        )
         desk.put_down("order", "o2", "handed to a person", written(lost))
         flown = FlightRecord(
             drone="d1", type="m200", system=1, order="o1", phase=WITH_PACKAGE, mass_kg=0.3, composition={}, steps=(step("fly", 0, 20),), not_before_s=BEGIN_S,
@@ -157,6 +159,13 @@ def test_the_page_shows_the_fleet_and_reads_no_file_outside_of_its_folder(ledger
             tab.get_by_text("d2 is lost").wait_for()
             assert tab.get_by_text("d1 is 5 min behind its plan", exact=False).count() == 1
             assert tab.locator(".fleet img").count() == 0
+            tab.set_viewport_size({"width": 390, "height": 800})
+            tab.locator(".below").first.scroll_into_view_if_needed()
+            heights, right = tab.evaluate("""() => [
+                [...document.querySelectorAll(".fleet tbody tr:not(:has(.below))")].map((one) => one.getBoundingClientRect().height),
+                Math.max(...[...document.querySelectorAll(".below")].map((one) => one.getBoundingClientRect().right))]""")
+            assert max(heights) < 75.0  # four lines: a place, a time with the first promise
+            assert right <= 390.0
             tab.wait_for_function("window.skywayMap.state.vehicles.length === 2")
             assert "--ledger ledger.db" in tab.inner_text("#fleet-command")
     finally:

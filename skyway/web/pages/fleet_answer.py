@@ -123,13 +123,21 @@ def _bar(bar: dict[str, Any], y: float, frame: Frame, zone: tzinfo) -> str:
 
 
 def _table(title: str, names: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    """Return a table; the last text of each row, a sentence without a column, stands below it where it is in sight on a narrow screen."""
     if not rows:
         return ""
     head = "".join(f"<th>{name}</th>" for name in names)
-    body = "".join(f"<tr>{''.join(f'<td>{safe(cell)}</td>' for cell in row)}</tr>" for row in rows)
+    body = "".join(_row(row[:-1], row[-1]) for row in rows)
     return (
         f"<h2>{title}</h2><div class='scroll'><table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table></div>"
     )
+
+
+def _row(cells: Sequence[str], below: str) -> str:
+    row = "".join(f"<td>{safe(cell)}</td>" for cell in cells)
+    if not below:
+        return f"<tr>{row}</tr>"
+    return f"<tr class='explained'>{row}</tr><tr><td colspan='{len(cells)}'><span class='below'>{safe(below)}</span></td></tr>"
 
 
 def _when(told: str | None, found: dict[str, Any], zone: tzinfo) -> str:
@@ -148,7 +156,7 @@ def _orders(found: dict[str, Any], zone: tzinfo) -> str:
             one["id"], one["state"], f"{one['from']} > {one['to']}", _when(one["due"], found, zone), f"{_when(one['promised'], found, zone)}{first}",
             _when(one["delivered"], found, zone), one["drone"] or "", one["reason"],
         ))  # fmt: skip
-    return _table("Orders", ("order", "state", "from, to", "due", "promised", "delivered", "drone", "reason"), rows)
+    return _table("Orders", ("order", "state", "from, to", "due", "promised", "delivered", "drone"), rows)
 
 
 def _drones(found: dict[str, Any]) -> str:
@@ -158,7 +166,7 @@ def _drones(found: dict[str, Any]) -> str:
         )
         for one in found["drones"]
     ]  # fmt: skip
-    return _table("Drones", ("drone", "type", "state", "place", "charge", "does", "then", "reason"), rows)
+    return _table("Drones", ("drone", "type", "state", "place", "charge", "does", "then"), rows)
 
 
 def _changes(found: dict[str, Any], zone: tzinfo) -> str:
@@ -168,4 +176,4 @@ def _changes(found: dict[str, Any], zone: tzinfo) -> str:
         )
         for one in reversed(found["changes"])
     ]  # fmt: skip
-    return _table("Promises that were changed, and why", ("at", "order", "promised before", "then", "why"), rows)
+    return _table("Promises that were changed, and why", ("at", "order", "promised before", "then"), rows)
