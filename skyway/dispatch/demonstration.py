@@ -24,6 +24,7 @@ from skyway.dispatch.simulation import ADDRESS
 from skyway.dispatch.status import outcome
 from skyway.models.base.errors import InputError, LinkLostError
 from skyway.models.base.files import make_folder, write_atomically
+from skyway.models.base.views import counted
 from skyway.models.compute.worker_processes import lifeline
 from skyway.models.ledger.ledger import FencedError
 from skyway.models.ledger.opening import open_ledger
@@ -133,7 +134,7 @@ def _run(
         "--seed", str(demo.seed), "--folder", JOURNALS, "--holder", DISPATCHER, "--lease", f"{LEASE_S:g}",
     ]  # fmt: skip
     say(
-        f"{demo.drones} drones, {orders.count(chr(10)) - 1} orders in {demo.hours:g} h; in {folder}: skyway {' '.join(words)}"
+        f"{counted(demo.drones, 'drone')}, {counted(orders.count(chr(10)) - 1, 'order')} in {demo.hours:g} h; in {folder}: skyway {' '.join(words)}"
     )
     with lifeline() as environment:
         with (folder / OUTPUT).open("wb") as output:

@@ -24,6 +24,7 @@ from skyway.dispatch.records import (
 from skyway.models.base.errors import InputError
 from skyway.models.base.formatting import natural
 from skyway.models.base.units import from_posix, iso
+from skyway.models.base.views import counted
 from skyway.models.ledger.audit import audit
 from skyway.models.ledger.desk import Desk
 from skyway.models.ledger.opening import open_ledger
@@ -127,7 +128,7 @@ def outcome(ledger: str, dispatcher: str) -> list[str]:
     late = sum(one > 0.0 for one in status.lateness_s)
     lost = sum(state == LOST for state, _ in status.drones.values())
     return [
-        f"{len(status.orders)} orders: {counts}; {late} after they were due; {len(status.changes)} promises changed; {lost} drones lost",
+        f"{counted(len(status.orders), 'order')}: {counts}; {late} after the due time; {counted(len(status.changes), 'change')} of promises; {counted(lost, 'drone')} lost",
         f"history of the ledger: {'; '.join(wrong) if wrong else 'no pad was held twice'}",
     ]
 

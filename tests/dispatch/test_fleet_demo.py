@@ -132,7 +132,7 @@ def test_a_small_fleet_is_flown_to_its_end_and_audited(tmp_path):
     assert done.stdout.splitlines()[-2:] == outcome(str(tmp_path / "out" / "fleet.db"), "dispatch")
     assert "no pad was held twice" in done.stdout
     assert judge(str(tmp_path / "out" / "fleet.db")).wrong == []
-    found = re.search(r"(\d+) orders: (.*);", done.stdout)
+    found = re.search(r"(\d+) orders?: (.*);", done.stdout)
     counts = [int(one) for one in re.findall(r"(\d+) (?:delivered|refused|handed)", found[2])]
     assert sum(counts) == int(found[1])
 

@@ -2,6 +2,7 @@
 
 import csv
 import json
+import re
 from datetime import UTC, datetime
 
 import numpy as np
@@ -114,6 +115,7 @@ def test_measurements_far_from_every_site_or_of_another_day_change_nothing(skywa
     )
     assert "km from every wind site" in answer.err
     assert "too long before or after the departure" in answer.err
+    assert re.search(r"ignores (1 measurement|[2-9][0-9]* measurements|1[0-9]+ measurements) too long", answer.err)
     assert json.loads(answer.out)["observations"] == []
 
 

@@ -55,6 +55,11 @@ def test_ardupilot_gets_a_mission_per_leg_with_fence_and_rally_files(run, plan_j
     assert "RALLY_LIMIT_KM,0" in (tmp_path / "out.param").read_text()
 
 
+def test_a_single_fence_area_is_counted_in_the_singular(run, plan_json):
+    assert "1 fence area" in run("mission", plan_json, "-o", "out.plan", "--leg", "2").stdout
+    assert "fence areas" not in run("mission", plan_json, "-o", "other.plan", "--leg", "2").stdout
+
+
 def test_one_leg_alone(run, plan_json, tmp_path):
     assert run("mission", plan_json, "-o", "leg.plan", "--leg", "2", "--width", "0").exit_code == 0
     document = mission_file.read(tmp_path / "leg.plan")

@@ -13,6 +13,7 @@ from skyway.cli.log_options import Columns, LogFile, System, VehicleKind, open_a
 from skyway.models.base.errors import Fault, InputError, one_line
 from skyway.models.base.formatting import percent
 from skyway.models.base.json_text import json_text
+from skyway.models.base.views import counted
 
 if TYPE_CHECKING:
     from skyway.cli.views.calibration import Air
@@ -149,7 +150,7 @@ def calibrate_energy(
     written = calibrated(base, fits[chosen])
     if output is not None:
         names = ", ".join(one_line(Path(record.name).name) for record in records)
-        notes = [f"{chosen} model fitted to {len(records)} flights: {names}"]
+        notes = [f"{chosen} model fitted to {counted(len(records), 'flight')}: {names}"]
         if len(records) > 1:
             notes.append(
                 f"error on a flight that was not fitted: worst {percent(fits[chosen].worst, 1)}, median {percent(fits[chosen].median, 1)}"

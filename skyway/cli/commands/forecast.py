@@ -17,6 +17,7 @@ from skyway.models.base.errors import InputError
 from skyway.models.base.formatting import date_clock, distance_text
 from skyway.models.base.json_text import json_text
 from skyway.models.base.units import from_posix
+from skyway.models.base.views import counted
 
 if TYPE_CHECKING:
     from datetime import datetime
@@ -146,12 +147,13 @@ def _update(
     fresh = [one for one in seen if -hours <= (depart_s - one.time_s) / 3600.0 <= OLDEST_H]
     if len(fresh) < len(seen):
         typer.echo(
-            f"skyway: {len(seen) - len(fresh)} measurements are too long before or after the departure", err=True
+            f"skyway: ignores {counted(len(seen) - len(fresh), 'measurement')} too long before or after the departure",
+            err=True,
         )
     near = [one for one in fresh if _distance_m(world, one) <= log_options.FAR_M]
     if len(near) < len(fresh):
         away = f"more than {distance_text(log_options.FAR_M)} from every wind site"
-        typer.echo(f"skyway: {len(fresh) - len(near)} measurements are {away} and are ignored", err=True)
+        typer.echo(f"skyway: ignores {counted(len(fresh) - len(near), 'measurement')} {away}", err=True)
     fresh = near
     begin = from_posix(min([depart_s, *(one.time_s for one in fresh)]))
     span_h = hours + math.ceil((depart_s - begin.timestamp()) / 3600.0)

@@ -14,6 +14,7 @@ from skyway.cli.connection_options import Armed, Line, Link, Yes, refuse_armed
 from skyway.cli.option_groups import with_groups
 from skyway.models.base.errors import Fault, InputError, VehicleTimeoutError, refuse
 from skyway.models.base.json_text import json_text
+from skyway.models.base.views import counted
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -247,7 +248,9 @@ def download(
     if as_json:
         typer.echo(json_text(report))
         return
-    typer.echo(f"{report.items} items, {report.fence_areas} fence areas, {report.rally_points} rally points")
+    typer.echo(
+        f"{counted(report.items, 'item')}, {counted(report.fence_areas, 'fence area')}, {counted(report.rally_points, 'rally point')}"
+    )
     for path in written:
         typer.echo(f"wrote {path}")
 

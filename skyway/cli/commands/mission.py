@@ -14,6 +14,7 @@ from skyway.cli.views.sheet import Column, Sheet
 from skyway.missions.autopilots import NAMES
 from skyway.models.base.errors import InputError
 from skyway.models.base.formatting import stored_degrees
+from skyway.models.base.views import counted
 from skyway.models.composition.release import Release
 from skyway.scenarios import load_scenario
 
@@ -149,8 +150,8 @@ def _write_export(export: Export, parameters: str, output: Path, *, force: bool)
 
 def _echo_written(document: MissionDocument, files: Sequence[Path]) -> None:
     """Return what went into each file."""
-    items = f"{len(document.mission.items)} items"
-    fence, rally = f"{len(document.fence.areas)} fence areas", f"{len(document.rally.points)} rally points"
+    items = counted(len(document.mission.items), "item")
+    fence, rally = counted(len(document.fence.areas), "fence area"), counted(len(document.rally.points), "rally point")
     for file in files:
         if file.name.endswith(".fence.waypoints"):
             held = fence

@@ -26,6 +26,7 @@ from skyway.models.base.formatting import (
     with_unit,
 )
 from skyway.models.base.json_text import json_text
+from skyway.models.base.views import counted
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -312,7 +313,9 @@ def _serve(
 
 def _tell(found: Replay, report: ReplayReport, path: Path) -> None:
     summary = found.summary
-    typer.echo(f"{path.name}: {summary.format}, {summary.messages} messages, {summary.skipped_bytes} bytes skipped")
+    typer.echo(
+        f"{path.name}: {summary.format}, {counted(summary.messages, 'message')}, {counted(summary.skipped_bytes, 'byte')} skipped"
+    )
     typer.echo(f"  {report.start or 'no time'} to {report.end or 'no time'} by {summary.time_base.source}")
     for doubt in summary.time_base.doubts:
         typer.echo(f"  warning: {doubt}")

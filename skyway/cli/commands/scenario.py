@@ -18,6 +18,7 @@ from skyway.cli.views.sheet import Column, Sheet, say
 from skyway.models.base.errors import Fault, InputError
 from skyway.models.base.formatting import distance_text, duration, kilometres, place_text
 from skyway.models.base.json_text import json_text
+from skyway.models.base.views import counted
 from skyway.scenarios import load_scenario
 
 if TYPE_CHECKING:
@@ -117,10 +118,12 @@ def _print_network(world: Scenario) -> None:
     joined = "all joined" if parts == 1 else f"in {parts} parts"
     if len(net.distance_m):
         lengths = f"{kilometres(net.distance_m.min())} to {kilometres(net.distance_m.max())} km"
-        bends = f", {len(net) - count} bends around them" if len(net) > count else ""
-        say(f"{count} stations, {both} segments ({lengths}), {joined}, {zones} no-fly zones{bends}")
+        bends = f", {counted(len(net) - count, 'bend')} around them" if len(net) > count else ""
+        say(
+            f"{counted(count, 'station')}, {counted(both, 'segment')} ({lengths}), {joined}, {counted(zones, 'no-fly zone')}{bends}"
+        )
     else:
-        say(f"{count} stations, no segments, {zones} no-fly zones")
+        say(f"{counted(count, 'station')}, no segments, {counted(zones, 'no-fly zone')}")
     if find_spec("networkx") and (alone := net.articulation_stations()):
         say(f"stations whose closure would part the network: {', '.join(alone)}")
     for drone in world.drones:
@@ -206,7 +209,7 @@ def _counts(zones: list[Zone]) -> str:
     kinds = Counter(zone.kind for zone in zones)
     volumes = sum(len(zone.volumes) for zone in zones)
     said = ", ".join(f"{count} {kind}" for kind, count in kinds.most_common())
-    return f"{len(zones)} zones with {volumes} volumes" + (f" ({said})" if said else "")
+    return f"{counted(len(zones), 'zone')} with {counted(volumes, 'volume')}" + (f" ({said})" if said else "")
 
 
 def _file_json(file: AirspaceFile, at_s: float | None) -> dict[str, Any]:
@@ -339,8 +342,9 @@ def check(
     if faults:
         raise InputError(faults)
     record = "no wind record" if world.history is None else f"wind of {world.history.covers}"
-    drones = "1 drone" if len(world.drones) == 1 else f"{len(world.drones)} drones"
-    say(f"{world.path}: {world.name}: {len(world.network)} stations, {drones}, {record}: ready to plan")
+    say(
+        f"{world.path}: {world.name}: {counted(len(world.network), 'station')}, {counted(len(world.drones), 'drone')}, {record}: ready to plan"
+    )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

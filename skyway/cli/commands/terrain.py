@@ -12,6 +12,7 @@ from skyway.cli.views.sheet import say
 from skyway.models.base.errors import Fault, InputError, refuse
 from skyway.models.base.formatting import distance_text, percent, with_unit
 from skyway.models.base.json_text import json_text
+from skyway.models.base.views import counted
 
 if TYPE_CHECKING:
     from skyway.models.terrain.contents import ObstacleContents, TerrainContents
@@ -88,7 +89,7 @@ def _say_terrain(one: TerrainContents) -> None:
 
 
 def _say_obstacles(one: ObstacleContents) -> None:
-    say(f"{one.file}: {one.points:,} points of obstacles")
+    say(f"{one.file}: {counted(one.points, 'point')} of obstacles")
     if one.points:
         say(f"  extent   {one.south:.5f} to {one.north:.5f} N, {one.west:.5f} to {one.east:.5f} E")
     if one.tallest_m is not None:

@@ -9,6 +9,7 @@ from skyway.cli.views.sheet import Column, Sheet, say
 from skyway.dispatch.attention import alarms
 from skyway.models.base.formatting import clock, date_clock, duration, percent
 from skyway.models.base.units import from_posix
+from skyway.models.base.views import counted
 
 if TYPE_CHECKING:
     from skyway.dispatch.records import OrderRecord
@@ -23,8 +24,8 @@ def print_status(status: Status, timezone: str) -> None:
     """Print a status."""
     zone = ZoneInfo(timezone)
     counts = ", ".join(f"{status.count(one)} {one}" for one in sorted({state for state, _ in status.orders.values()}))
-    say(f"{status.dispatcher}, {status.state}, {date_clock(from_posix(status.now_s), zone, named=True)}: {len(status.orders)} orders ({counts or 'none'}); "
-        f"{len(status.flights)} flights of {len(status.drones)} drones")  # fmt: skip
+    say(f"{status.dispatcher}, {status.state}, {date_clock(from_posix(status.now_s), zone, named=True)}: {counted(len(status.orders), 'order')} ({counts or 'none'}); "
+        f"{counted(len(status.flights), 'flight')} of {counted(len(status.drones), 'drone')}")  # fmt: skip
     for words in alarms(status):
         say(f"! {words}")
     say("")
@@ -74,7 +75,7 @@ def print_orders(status: Status, timezone: str) -> None:
         )
     sheet.show()
     if len(status.orders) > SHOWN:
-        say(f"… and {len(status.orders) - SHOWN} more orders: --json has them all")
+        say(f"… and {counted(len(status.orders) - SHOWN, 'more order')}: --json has them all")
 
 
 def _drone(record: OrderRecord) -> str:

@@ -10,6 +10,7 @@ import typer
 
 from skyway.models.base.formatting import wind_text
 from skyway.models.base.units import from_posix, iso, parse_instant
+from skyway.models.base.views import counted
 from skyway.models.wind.estimation.forecast_update import MEASURED_S
 from skyway.models.wind.summary import Wind
 
@@ -147,9 +148,11 @@ def _field(update: Update) -> list[SiteWind]:
 def tell(report: ForecastReport, output: Path | None) -> None:
     """Print it."""
     count = len(report.observations)
-    what = "1 measurement" if count == 1 else f"{count} measurements"
+    what = counted(count, "measurement")
     depart = iso(from_posix(round(parse_instant(report.depart).timestamp())))
-    typer.echo(f"{len(report.members)} members updated with {what} of {MEASURED_S / 60.0:g} minutes, for {depart}")
+    typer.echo(
+        f"{counted(len(report.members), 'member')} updated with {what} of {MEASURED_S / 60.0:g} minutes, for {depart}"
+    )
     for row in report.field:
         typer.echo(f"  {row.site}: {wind_text(row.speed_mps, row.from_deg, row.sigma_mps)} at {report.height_m:g} m")
     typer.echo("  at the centre of the network, at cruise height, before and after:")

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from skyway.models.base.formatting import clock, date_clock, percent
 from skyway.models.base.units import from_posix, parse_instant
+from skyway.models.base.views import counted
 from skyway.report.svg import safe
 from skyway.web.drawn import LEFT, PATTERNS, WIDTH, Frame
 
@@ -55,7 +56,7 @@ def _head(found: dict[str, Any], zone: tzinfo) -> str:
     cells = [
         ("orders", str(len(found["orders"])), ", ".join(f"{count} {state}" for state, count in sorted(counts.items()))),
         ("delivered", str(len(done)), f"{late} after their due time" if done else ""),
-        ("flights under way", str(len(found["flights"])), f"of {len(found['drones'])} drones"),
+        ("flights under way", str(len(found["flights"])), f"of {counted(len(found['drones']), 'drone')}"),
         ("pads booked", str(len(found["pads"])), "windows"),
         ("promises changed", str(len(found["changes"])), ""),
     ]

@@ -206,6 +206,9 @@ def test_calibrate_energy_writes_a_drone_that_plan_uses(skyway, flight, tmp_path
     fitted = tmp_path / "scenario" / "drones.toml"
     text = skyway("calibrate", "energy", flight, flight, *loads, "--model", "endurance", "-o", fitted, "--force")
     assert "endurance model written" in text
+    alone = tmp_path / "alone.toml"
+    skyway("calibrate", "energy", flight, "--payload", "0", "--model", "endurance", "-o", alone)
+    assert "endurance model fitted to 1 flight:" in alone.read_text()
     (drone,) = read_fleet(fitted)
     assert drone.energy_model.power_w(5.0) == pytest.approx(550.0, rel=0.02)
     what = ("--from", "bellevue", "--to", "jacobi", "--payload", "0.5", "--wind", "4@270", "--json")

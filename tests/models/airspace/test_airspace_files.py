@@ -343,7 +343,7 @@ def test_the_command_lists_zones_and_what_was_not_understood(tmp_path, capsys):
     path.write_text(json.dumps(ed269(restriction="MAYBE", applicability=[window])))
     assert main(["airspace", str(path)]) == 0
     shown = capsys.readouterr().out
-    for words in ("ED-269, 1 zones with 1 volumes (1 prohibited)", "Prison", "counted as closed: 1", "'MAYBE'"):
+    for words in ("ED-269, 1 zone with 1 volume (1 prohibited)", "Prison", "counted as closed: 1", "'MAYBE'"):
         assert words in shown
     assert main(["airspace", str(path), "--json", "--depart", "2026-08-05T13:00Z"]) == 0
     assert json.loads(capsys.readouterr().out)["files"][0]["zones"] == []

@@ -10,6 +10,7 @@ import typer
 
 from skyway.models.base.errors import CommandRefusedError, LinkError
 from skyway.models.base.json_text import json_text
+from skyway.models.base.views import counted
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -72,7 +73,7 @@ def save_set(link: Link, file: Path, *, as_json: bool, force: bool) -> None:
     if as_json:
         typer.echo(json_text(SetSaved(file=str(file), parameters=len(values))))
     else:
-        typer.echo(f"{file}: {len(values)} parameters of {identity}")
+        typer.echo(f"{file}: {counted(len(values), 'parameter')} of {identity}")
 
 
 def restore_from_set(link: Link, file: Path, *, yes: bool, as_json: bool) -> None:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 from skyway.cli.views.sheet import Column, Sheet, say
 from skyway.models.base.formatting import duration, percent, spent, with_unit
+from skyway.models.base.views import counted
 
 if TYPE_CHECKING:
     from skyway.planner.capacity.study import CapacityFound, CaseDone
@@ -47,7 +48,7 @@ def print_capacity(found: CapacityFound, wall_s: float) -> None:
         say("")
         case = found.base.case
         say(
-            f"At {case.rate_per_h:g} orders an hour with {case.drones} drones, one addition delivers this many more as promised:"
+            f"At {case.rate_per_h:g} orders an hour with {counted(case.drones, 'drone')}, one addition delivers this many more as promised:"
         )
         effects = Sheet(
             [Column("what", justify="left"), Column("orders/h"), Column("±"), Column("sure", justify="left")]
