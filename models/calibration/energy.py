@@ -1,7 +1,7 @@
 """Energy models fitted to recorded flights, with their error on flights that were not fitted.
 
-Only the time in which the motors turn counts: a recorder that continues after the landing would otherwise make the drone seem
-to need little power.
+Only the time in the air with the motors turning counts: a recorder that runs before the take-off, or continues after the landing,
+would otherwise make the drone seem to need little power.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ VERTICAL_MPS = 0.4
 """Climbing or sinking faster than this, smoothed, is a climb or a descent."""
 SMOOTH_S = 2.0
 MOTORS_ON = 0.3
-"""Share of the median power, smoothed, above which the motors turn."""
+"""Share of the median power with the motors on, smoothed, above which they turn."""
 LONGEST_GAP_S = 0.5
 """A longer pause between samples counts as this long: what happened in it is unknown."""
 MIN_MASS_SPREAD = 1.03
@@ -49,9 +49,9 @@ class PowerRecord:
     """Take-off mass, with package."""
     time_s: dict[Phase, float]
     energy_j: dict[Phase, float]
-    """Time and energy in each phase, motors on."""
+    """Time and energy in each phase, in the air."""
     idle_s: float
-    """Time left out because the motors stood still."""
+    """Time left out: motors off, disarmed, or landed."""
 
     @property
     def total_s(self) -> float:
@@ -96,11 +96,12 @@ class EnergyFit:
 def power_record(name: str, track: TelemetryTrack, mass_kg: float) -> PowerRecord:
     """Measure a flight from its track with power and vertical speed; the mass is that of drone, batteries and package.
 
-    An `InputError`, which gives its name, means that power is unknown, or that the motors never ran.
+    Where the log tells that the vehicle is disarmed or landed, the time does not count as flight. An `InputError`, which gives the
+    name, means that power is unknown, or that the vehicle never flew.
     """
     power = track["power_w"]
     known = np.isfinite(power) & np.isfinite(track["vel_down_mps"])
-    if known.sum() < 20 or not np.nanmedian(power) > 1.0:
+    if known.sum() < 20 or not power[known].max() > 1.0:
         remedy = "a log with battery voltage and current, or a CSV with a power column"
         raise InputError(Fault("has no battery power", name, remedy=remedy))
     if not 0.0 < mass_kg < math.inf:
@@ -109,7 +110,9 @@ def power_record(name: str, track: TelemetryTrack, mass_kg: float) -> PowerRecor
     time_s, power, rise = track.time_s, track["power_w"], -track["vel_down_mps"]
     duration = np.minimum(np.gradient(time_s), LONGEST_GAP_S)
     climb = smoothed(time_s, rise)
-    on = smoothed(time_s, power) > MOTORS_ON * float(np.median(power))
+    on = _motors_on(smoothed(time_s, power), power) & (track["armed"] != 0.0) & (track["landed"] != 1.0)
+    if not on.any():
+        raise InputError(Fault("tells of no flight: the vehicle is disarmed or on the ground throughout", name))
     where: dict[Phase, NDArray[np.bool_]] = {
         "climb": on & (climb > VERTICAL_MPS),
         "cruise": on & (np.abs(climb) <= VERTICAL_MPS),
@@ -213,6 +216,19 @@ def _momentum(records: Sequence[PowerRecord], phase: Phase, density: float) -> t
         if b1 > 0.0:
             return float(b1), float(b0)
     return float((weight**2 * induced * power).sum() / (weight**2 * induced**2).sum()), 0.0
+
+
+def _motors_on(smooth: NDArray[np.float64], power: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Where the motors turn, however long they stood still: the threshold is a share of the median of exactly these samples.
+
+    The search for this fixed point begins at the greatest power, smoothed.
+    """
+    on = smooth > MOTORS_ON * float(smooth.max())
+    for _ in range(20):
+        before, on = on, smooth > MOTORS_ON * float(np.median(power[on])) if on.any() else on
+        if np.array_equal(before, on):
+            break
+    return on
 
 
 def smoothed(time_s: NDArray[np.float64], values: NDArray[np.float64]) -> NDArray[np.float64]:

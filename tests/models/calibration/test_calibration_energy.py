@@ -9,6 +9,7 @@ import pytest
 from skyway.link.logs.reader import open_log
 from skyway.models.base.errors import InputError
 from skyway.models.calibration.energy import (
+    SMOOTH_S,
     PowerRecord,
     calibrated,
     drone_file,
@@ -108,3 +109,37 @@ def test_time_with_the_motors_off_is_left_out(flights):
     idle = {record.name: record.idle_s for record in flights}
     assert idle["269"] == pytest.approx(16.3, abs=0.5)
     assert max(value for name, value in idle.items() if name != "269") < 2.0
+
+
+@pytest.mark.parametrize("stood_s", [245, 20_000])
+def test_time_on_the_ground_does_not_change_the_flight_however_long_it_was(flights, shared_data, stood_s):
+    """Rows of 8 W in front of a file that tells no states."""
+    log = open_log(shared_data / "power" / "m100_flight_268.csv")
+    (track,) = log.tracks()
+    before_s = track.time_s[0] - np.arange(stood_s, 0.0, -0.2)
+    ground = {"power_w": np.full(len(before_s), 8.0), "vel_down_mps": np.zeros(len(before_s))}
+    whole = TelemetryTrack.joined([TelemetryTrack.of_columns(track.system, before_s, ground), track])
+    record = power_record("268", whole, 3.68 + log.payload_kg)
+    assert record.time_s == pytest.approx(flights[0].time_s, abs=0.5 * SMOOTH_S)
+    assert record.total_j == pytest.approx(flights[0].total_j, rel=1e-3)
+    assert record.idle_s == pytest.approx(stood_s + flights[0].idle_s, abs=1.0)
+
+
+def test_a_disarmed_vehicle_does_not_fly(shared_data):
+    """Real copter: on the ground at 5 to 7 W for the first 450 s, then 165 to 186 W in the air."""
+    log = open_log(shared_data / "logs" / "dronekit_copter_flight.tlog")
+    track = TelemetryTrack.joined(log.tracks())
+    record = power_record("copter", track, 2.0)
+    assert record.idle_s > 450.0
+    assert 165.0 < record.total_j / record.total_s < 186.0
+
+
+def test_an_armed_vehicle_on_the_ground_does_not_fly_whatever_it_draws():
+    time_s = np.arange(0.0, 300.0, 0.2)
+    columns = {"power_w": np.where(time_s < 200.0, 100.0, 200.0), "vel_down_mps": np.zeros_like(time_s)}
+    columns |= {"armed": np.ones_like(time_s), "landed": (time_s < 200.0).astype(float)}
+    record = power_record("flight", TelemetryTrack.of_columns(1, time_s, columns), 4.0)
+    assert record.total_s == pytest.approx(100.0, abs=0.5)
+    never = TelemetryTrack.of_columns(1, time_s, columns | {"armed": np.zeros_like(time_s)})
+    with pytest.raises(InputError, match="no flight"):
+        power_record("flight", never, 4.0)
