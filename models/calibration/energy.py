@@ -130,10 +130,13 @@ def power_record(name: str, track: TelemetryTrack, mass_kg: float) -> PowerRecor
 def fit_energy(records: Sequence[PowerRecord], name: ModelName, drone: Drone, air_density_kg_m3: float) -> EnergyFit:
     """Fit a model, ``endurance`` or ``momentum``, to one or more flights, and again without each of them.
 
-    It is written for the masses and the battery of the drone; the air density is that during the flights.
+    It is written for the masses and the battery of the drone; the air density is that during the flights. An `InputError` means that
+    there is no flight, that two records are of one flight, or that power falls as the mass rises.
     """
     if not records:
         raise InputError("no flight to fit an energy model to")
+    _refuse_repeated(records)
+    _refuse_falling_power(records)
     errors = []
     for number, record in enumerate(records):
         others = [*records[:number], *records[number + 1 :]]
@@ -183,17 +186,54 @@ def drone_file(drone: Drone, notes: Sequence[str] = ()) -> str:
     return "\n".join(lines) + "\n"
 
 
+def one_mass(records: Sequence[PowerRecord]) -> bool:
+    """Whether the masses are too similar to find the effect of the load."""
+    masses = [record.mass_kg for record in records]
+    return max(masses) / min(masses) < MIN_MASS_SPREAD
+
+
+def _refuse_repeated(records: Sequence[PowerRecord]) -> None:
+    """Refuse a flight that is given twice: it would be predicted from itself."""
+    first: dict[tuple[float, ...], str] = {}
+    for record in records:
+        measured = (*record.time_s.values(), *record.energy_j.values())
+        if measured in first:
+            problem = f"is the same flight as {first[measured]}"
+            raise InputError(Fault(problem, record.name, remedy="give each flight once"))
+        first[measured] = record.name
+
+
+def _refuse_falling_power(records: Sequence[PowerRecord]) -> None:
+    """Refuse masses with which the power would fall as the mass rises: no aircraft that hovers does that."""
+    if one_mass(records) or _exponent(records) > 0.0:
+        return
+    light, heavy = (choose(records, key=lambda record: record.mass_kg) for choose in (min, max))
+    told = ", ".join(f"{one.total_j / one.total_s:.0f} W at {one.mass_kg:.2f} kg" for one in (light, heavy))
+    remedy = "give the package of each log in the order of the logs, and flights alike in speed and wind with loads further apart"
+    raise InputError(Fault(f"power falls as the mass rises ({told})", field="--payload", remedy=remedy))
+
+
+def _exponent(records: Sequence[PowerRecord]) -> float:
+    """Exponent of the mass that the mean power of flights follows: least squares, weighted by time."""
+    mass, power, weight = _mean_powers(records)
+    return float(np.polyfit(np.log(mass), np.log(power), 1, w=weight)[0])
+
+
+def _mean_powers(
+    records: Sequence[PowerRecord],
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    """Mass, mean power, and the weight of each flight: the root of its time."""
+    mass = np.array([record.mass_kg for record in records])
+    power = np.array([record.total_j / record.total_s for record in records])
+    return mass, power, np.sqrt([record.total_s for record in records])
+
+
 def _fit(records: Sequence[PowerRecord], name: ModelName, drone: Drone, density: float) -> EnergyModel:
     if name == "momentum":
         return MomentumEnergy({phase: _momentum(records, phase, density) for phase in PHASES}, density)
-    mass = np.array([record.mass_kg for record in records])
-    power = np.array([record.total_j / record.total_s for record in records])
-    weight = np.sqrt([record.total_s for record in records])
-    if mass.max() / mass.min() < MIN_MASS_SPREAD:
-        kappa, level = DEFAULT_KAPPA, float(np.average(np.log(power / mass**DEFAULT_KAPPA), weights=weight**2))
-    else:
-        kappa, level = (float(value) for value in np.polyfit(np.log(mass), np.log(power), 1, w=weight))
-    kappa = max(kappa, 0.0)
+    mass, power, weight = _mean_powers(records)
+    kappa = DEFAULT_KAPPA if one_mass(records) else max(_exponent(records), 0.0)
+    level = float(np.average(np.log(power / mass**kappa), weights=weight**2))
     full_kg = drone.mass_kg + drone.max_payload_kg
     empty_s, full_s = (drone.battery_j / (math.exp(level) * kg**kappa) for kg in (drone.mass_kg, full_kg))
     if full_kg <= drone.mass_kg:

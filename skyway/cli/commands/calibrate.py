@@ -129,9 +129,9 @@ def calibrate_energy(
       skyway calibrate energy flight1.tlog flight2.tlog --mass 4.69 --payload 0 --payload 0.8 -o drones.toml
       skyway calibrate energy m100_*.csv --mass 3.68 --id m100 --name "DJI Matrice 100" --battery 130 -o m100.toml
     """
-    from skyway.cli.views.calibration import energy_report, tell_energy
+    from skyway.cli.views.calibration import ONE_MASS, energy_report, tell_energy
     from skyway.models.base.files import write_atomically
-    from skyway.models.calibration.energy import MODELS, calibrated, drone_file, fit_energy, published_errors
+    from skyway.models.calibration.energy import MODELS, calibrated, drone_file, fit_energy, one_mass, published_errors
 
     options.refuse_overwriting(output, force=force)
     if not 0.3 <= density <= 2.0:
@@ -155,6 +155,8 @@ def calibrate_energy(
             notes.append(
                 f"error on a flight that was not fitted: worst {percent(fits[chosen].worst, 1)}, median {percent(fits[chosen].median, 1)}"
             )
+        if one_mass(records):
+            notes.append(ONE_MASS)
         if written.id != start.id:
             notes.append(f"not measured, copied from {start.id}: maximum payload, airspeeds, wind limit, recharge time")
         write_atomically(output, drone_file(written, notes), force=force)

@@ -12,12 +12,16 @@ import typer
 
 from skyway.cli.views.sheet import Column, Sheet
 from skyway.models.base.formatting import duration, percent, watt_hours, wind_text
+from skyway.models.calibration.energy import one_mass
 
 if TYPE_CHECKING:
     from skyway.models.calibration.energy import EnergyFit, ModelName, PowerRecord
     from skyway.models.drones.airspeed import AirspeedModel
     from skyway.models.drones.drag import DragModel
     from skyway.models.drones.drone import Drone
+
+
+ONE_MASS = "the effect of the load is unknown: all flights have the same mass (within 3 %); its usual effect is assumed"
 
 
 @dataclass(frozen=True, slots=True)
@@ -135,6 +139,8 @@ class EnergyCalibration(msgspec.Struct, frozen=True, kw_only=True):
     flights: list[FlightFit]
     models: dict[ModelName, dict[str, float]]
     published: dict[str, float]
+    load_effect_known: bool
+    """Whether the flights differ in mass enough to find it; otherwise it is assumed."""
     written: str
     endurance_empty_min: float
     endurance_full_min: float
@@ -163,6 +169,7 @@ def energy_report(
         ],
         models={name: {"worst": round(fit.worst, 5), "median": round(fit.median, 5)} for name, fit in fits.items()},
         published={"worst": round(max(abs(error) for error in published), 5)},
+        load_effect_known=not one_mass(records),
         written=chosen,
         endurance_empty_min=round(drone.endurance_empty_s / 60.0, 5),
         endurance_full_min=round(drone.endurance_full_s / 60.0, 5),
@@ -186,13 +193,15 @@ def tell_energy(
         figures = f"{record.mass_kg:.2f}", f"{record.total_s:.0f}", watt_hours(record.total_j)
         sheet.add(Path(record.name).name, *figures, *cells)
         if record.idle_s > 5.0:
-            sheet.note(f"  {duration(record.idle_s)} with the motors off are ignored")
+            sheet.note(f"  {duration(record.idle_s)} on the ground or with the motors off are ignored")
     sheet.show()
     if len(records) > 1:
         for name, fit in fits.items():
             typer.echo(f"  {name}: worst {percent(fit.worst, 1)}, median {percent(fit.median, 1)}")
     else:
         typer.echo("  with one flight there is no other to check against: the error on unseen flights is unknown")
+    if one_mass(records):
+        typer.echo(f"  {ONE_MASS}")
     typer.echo(
         f"{chosen} model" + (" (use -o FILE to write a drone file)" if output is None else f" written to {output}")
     )

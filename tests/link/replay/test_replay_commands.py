@@ -202,24 +202,31 @@ def test_calibrate_energy_writes_a_drone_that_plan_uses(skyway, flight, tmp_path
     from skyway.missions.examples import NEW_YORK
 
     shutil.copytree(NEW_YORK, tmp_path / "scenario")
-    loads = ("--payload", "0", "--payload", "1.0")
     fitted = tmp_path / "scenario" / "drones.toml"
-    text = skyway("calibrate", "energy", flight, flight, *loads, "--model", "endurance", "-o", fitted, "--force")
+    text = skyway("calibrate", "energy", flight, "--payload", "0", "--model", "endurance", "-o", fitted, "--force")
     assert "endurance model written" in text
-    alone = tmp_path / "alone.toml"
-    skyway("calibrate", "energy", flight, "--payload", "0", "--model", "endurance", "-o", alone)
-    assert "endurance model fitted to 1 flight:" in alone.read_text()
+    assert "endurance model fitted to 1 flight:" in fitted.read_text()
+    assert "the effect of the load is unknown" in text
+    assert "# the effect of the load is unknown" in fitted.read_text()
     (drone,) = read_fleet(fitted)
-    assert drone.energy_model.power_w(5.0) == pytest.approx(550.0, rel=0.02)
+    assert drone.energy_model.power_w(drone.mass_kg) == pytest.approx(550.0, rel=0.02)
     what = ("--from", "bellevue", "--to", "jacobi", "--payload", "0.5", "--wind", "4@270", "--json")
     planned = json.loads(skyway("plan", "scenario", *what, "--planner", "pfs-charge-aware"))
     assert planned["drone_parameters"]["endurance_empty_min"] == pytest.approx(drone.endurance_empty_s / 60.0)
-    assert planned["energy_wh"] == pytest.approx(550.0 * planned["flight_time_s"] / 3600.0, rel=0.05)
+    laden_w = drone.energy_model.power_w(drone.mass_kg + 0.5)
+    assert planned["energy_wh"] == pytest.approx(laden_w * planned["flight_time_s"] / 3600.0, rel=0.05)
 
 
 def test_calibrate_energy_needs_to_know_what_was_carried(skyway, flight):
     assert "--payload" in skyway("calibrate", "energy", flight, code=2)
     assert "once per log" in skyway("calibrate", "energy", flight, "--payload", "1", "--payload", "2", code=2)
+
+
+def test_calibrate_energy_refuses_a_copy_of_a_flight(skyway, flight, tmp_path):
+    shutil.copy(flight, tmp_path / "copy.tlog")
+    asked = ("calibrate", "energy", flight, "copy.tlog", "--payload", "0", "-o", "drones.toml")
+    assert "copy.tlog: is the same flight as" in skyway(*asked, code=2)
+    assert not (tmp_path / "drones.toml").exists()
 
 
 def test_calibrate_energy_lists_every_m100_flight(skyway, shared_data):

@@ -143,3 +143,22 @@ def test_an_armed_vehicle_on_the_ground_does_not_fly_whatever_it_draws():
     never = TelemetryTrack.of_columns(1, time_s, columns | {"armed": np.zeros_like(time_s)})
     with pytest.raises(InputError, match="no flight"):
         power_record("flight", never, 4.0)
+
+
+def test_masses_in_the_wrong_order_are_refused(flights):
+    """Power that falls as the mass rises is impossible."""
+    right = made(MomentumEnergy(), (3.7, 4.0, 4.3))
+    swapped = [replace(record, mass_kg=mass) for record, mass in zip(right, (4.3, 4.0, 3.7), strict=True)]
+    for name in ("endurance", "momentum"):
+        with pytest.raises(InputError, match="--payload: power falls as the mass rises"):
+            fit_energy(swapped, name, M100, 1.225)
+    real = [replace(record, mass_kg=7.86 - record.mass_kg) for record in flights]
+    with pytest.raises(InputError, match="--payload"):
+        fit_energy(real, "momentum", M100, 1.2)
+
+
+def test_a_flight_given_twice_is_refused_whatever_its_name_and_load():
+    records = made(MomentumEnergy(), (3.7, 4.0))
+    for copy in (replace(records[0], name="copy"), replace(records[0], name="copy", mass_kg=4.2)):
+        with pytest.raises(InputError, match=r"copy: is the same flight as flight 3\.7"):
+            fit_energy([*records, copy], "momentum", M100, 1.225)
