@@ -13,11 +13,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from skyway.models.base.errors import InputError
-from skyway.models.base.formatting import duration, percent, speed_text
+from skyway.models.base.errors import Fault, InputError
+from skyway.models.base.formatting import duration, percent, speed_text, wind_text
 from skyway.models.drones.drag import DragModel
 from skyway.models.wind.estimation.blocks import MIN_SPEED_MPS, MIN_SPREAD_DEG, course_spread_deg
 from skyway.models.wind.estimation.filter import WindFilterSettings
+from skyway.models.wind.observed.reading import STATION_ERROR_MPS
+from skyway.models.wind.triangle import speed_from
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -37,8 +39,12 @@ FAST_MPS = 8.0
 MIN_BLOCKS = 60
 SMOOTH = 10
 """Blocks averaged before a fit to a known wind: eddies at the mast are not those at the drone."""
+CONTRADICTS = math.sqrt(-2.0 * math.log(0.01))
+"""Winds that differ by more standard deviations than this, of a component, do so in 1 % of all cases."""
 MAX_RELATIVE_SIGMA = 0.20
 """A drag with a larger relative uncertainty is not identified."""
+
+_GIVE = "give the speed in m/s and where the wind comes FROM"
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,6 +61,8 @@ class DragFit:
     wind_north_mps: float = math.nan
     wind_east_mps: float = math.nan
     """Mean wind of the flight, TOWARDS, found along with it; NaN if nothing was fitted."""
+    wind_sigma_mps: float = math.inf
+    """Standard deviation of a component of this wind, with the gusts that the flight happened to meet."""
     course_spread_deg: float = 0.0
     """How far the courses flown differ, 0 to 180."""
 
@@ -80,8 +88,8 @@ def identify_drag(air: Blocks, period_s: float = 1.0) -> DragFit:
         )
         return DragFit(reason, course_spread_deg=spread)
     fit = _Fit(time_s, velocity, drag, yaw, quadratic=_spread(velocity) > FAST_MPS)
-    model, relative, wind = fit.solve(period_s)
-    found = DragFit("", model, relative, *wind, spread)
+    model, relative, wind, wind_sigma = fit.solve(period_s)
+    found = DragFit("", model, relative, *wind, wind_sigma, spread)
     one_course = spread < MIN_SPREAD_DEG
     if relative > MAX_RELATIVE_SIGMA or model is None or one_course:
         turn = f"the courses flown differ by {spread:.0f}° only: fly out and back, or a circle"
@@ -96,22 +104,42 @@ def fit_known_wind(air: Blocks, wind: NDArray[np.float64], period_s: float = 1.0
     """Find the linear drag of a flight, hover included, in a wind that was measured nearby.
 
     The wind is (north, east) TOWARDS, m/s, shape (blocks, 2). The uncertainty of the drag is the scatter of observed about expected
-    values.
+    values. An `InputError` means that too little was flown on rotors, or that the flight contradicts the wind: where the flight alone
+    tells its mean wind (`identify_drag`), the given one must be within the error of both.
     """
     good = air.flying & np.isfinite(air.drag).all(axis=1) & np.isfinite(wind).all(axis=1)
     if good.sum() < MIN_BLOCKS:
-        raise InputError("too little flight to fit a drag to", field="blocks", value=int(good.sum()))
+        flown = duration(int(good.sum()) * period_s)
+        winged = air.flying.any() and air.winged[air.flying].mean() > 0.5
+        remedy = (
+            "on wings the flight alone tells the airspeed sensor: omit the wind" if winged else "take a longer flight"
+        )
+        problem = f"only {flown} of flight on rotors with attitude and velocity, at least {duration(MIN_BLOCKS * period_s)} are needed"
+        raise InputError(Fault(problem, remedy=remedy))
+    _refuse_other_wind(identify_drag(air, period_s), wind[good].mean(axis=0))
     through = _running(air.velocity[good] - wind[good], SMOOTH)
     seen = _running(air.drag[good], SMOOTH)
     linear = float((seen * through).sum() / (through**2).sum())
     if linear <= 0.0:
-        raise InputError("the drone does not lean against the given wind")
+        raise InputError(Fault("the drone does not lean against the given wind", remedy=_GIVE))
     residual = air.drag[good] - linear * (air.velocity - wind)[good]
     return DragModel(
         linear_per_s=linear,
         sigma_mps2=float(np.sqrt((residual**2).mean())),
         period_s=period_s,
     )
+
+
+def _refuse_other_wind(alone: DragFit, given: NDArray[np.float64]) -> None:
+    """Refuse a mean wind that a flight which tells its own wind contradicts."""
+    if alone.drag is None:
+        return
+    north, east = alone.wind_north_mps, alone.wind_east_mps
+    limit_mps = CONTRADICTS * math.hypot(alone.wind_sigma_mps, STATION_ERROR_MPS)
+    if math.hypot(given[0] - north, given[1] - east) > limit_mps:
+        speed, degrees = (float(value) for value in speed_from(north, east))
+        problem = f"the flight contradicts the given wind: alone it tells {wind_text(speed, degrees)} on average"
+        raise InputError(Fault(problem, remedy=f"{_GIVE}, or omit it"))
 
 
 class _Fit:
@@ -134,7 +162,8 @@ class _Fit:
         self.hats = np.stack([np.interp(flown_s, place, row) for row in np.eye(knots)], axis=1)
         self.sigma = 0.25
 
-    def solve(self, period_s: float) -> tuple[DragModel | None, float, tuple[float, float]]:
+    def solve(self, period_s: float) -> tuple[DragModel | None, float, tuple[float, float], float]:
+        """Return the drag, its relative error, the mean wind, and the standard deviation of a component of it."""
         from scipy.optimize import least_squares
 
         knots = self.hats.shape[1]
@@ -171,7 +200,11 @@ class _Fit:
             relative_sigma=float(min(relative, 1.0)),
             bias_sigma_mps2=float(min(level, 5.0)),
         )
-        return (model if math.isfinite(relative) else None), relative, (float(mean[0]), float(mean[1]))
+        share = self.hats.mean(axis=0)
+        winds = covariance[number + 2 :, number + 2 :].reshape(2, knots, 2, knots)
+        variance = 0.5 * sum(float(share @ winds[part, :, part] @ share) for part in (0, 1))
+        known = model if math.isfinite(relative) else None
+        return known, relative, (float(mean[0]), float(mean[1])), math.sqrt(max(variance, 0.0))
 
     def _wind(self, x: NDArray[np.float64]) -> NDArray[np.float64]:
         return self.hats @ x[4:].reshape(2, -1).T

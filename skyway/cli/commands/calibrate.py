@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal, cast
 
@@ -59,7 +60,7 @@ def calibrate_wind(
     what = vehicle_of(opened.summary, chosen, cast("Kind | None", vehicle))
     nothing = no_wind(what)
     air = flight_blocks(opened, chosen, vehicle=what)
-    found = Air(None, None, nothing) if nothing else _air_of(air, wind)
+    found = Air(None, None, nothing) if nothing else _air_of(air, wind, log)
     if output is not None and found.known:
         from skyway.models.drones.drag_file import drag_file
 
@@ -74,7 +75,7 @@ def calibrate_wind(
         raise typer.Exit(1)
 
 
-def _air_of(air: Blocks, wind: str | None) -> Air:
+def _air_of(air: Blocks, wind: str | None, log: Path) -> Air:
     """Find the drag in what was flown on rotors, the airspeed sensor in what was flown on wings."""
     import numpy as np
 
@@ -87,7 +88,11 @@ def _air_of(air: Blocks, wind: str | None) -> Air:
     spread = course_spread_deg(air.velocity[air.flying & np.isfinite(air.velocity).all(axis=1)])
     if wind is not None:
         known = towards(wind)
-        drag = fit_known_wind(air, np.broadcast_to(np.array(known), (len(air), 2)), PERIOD_S)
+        try:
+            drag = fit_known_wind(air, np.broadcast_to(np.array(known), (len(air), 2)), PERIOD_S)
+        except InputError as error:
+            faults = [replace(one, file=str(log), field="--wind", value=wind) for one in error.faults]
+            raise InputError(faults) from error
         return Air(drag, None, f"found with the given wind, {wind}", wind=known, course_spread_deg=spread)
     sensor = identify_airspeed(air) if (air.flying & air.winged).any() else None
     if sensor is not None and (sensor.model is not None or air.winged[air.flying].mean() > 0.5):
@@ -188,8 +193,6 @@ def _this_aircraft(
     base: Drone, mass: float | None, identity: str | None, name: str | None, battery_wh: float | None, *, writes: bool
 ) -> Drone:
     """Return the drone that flew; one of another mass does not keep name and battery of the one it was started from."""
-    from dataclasses import replace
-
     from skyway.models.base.units import J_PER_WH
 
     flew = replace(
@@ -206,6 +209,10 @@ def _this_aircraft(
         remedy = f"identify the aircraft with {' and '.join(missing)} (and --name), or choose another --drone"
         raise InputError(Fault(problem, field="--mass", value=mass, remedy=remedy))
     return flew
+
+
+ON_ROTORS = ("multirotor", "helicopter", "unknown")
+"""Kinds of vehicles whose power follows the energy models; a table of power need not name the kind."""
 
 
 def _record(
@@ -234,6 +241,10 @@ def _record(
         if math.isnan(package):
             raise InputError(Fault("does not state the payload", str(path), remedy="give --payload, kg"))
     chosen = choose_system(opened.summary, system)
+    flown = opened.summary.vehicle(chosen)
+    if flown.kind not in ON_ROTORS:
+        problem = f"is the log of a {flown.kind} ({flown.told_by}): the energy models are of a multirotor"
+        raise InputError(Fault(problem, str(path), remedy="name logs of a multirotor"))
     kept = Thinned(TelemetryTrack, most=MAX_SAMPLES)
     for track in opened.tracks():
         if track.system == chosen:

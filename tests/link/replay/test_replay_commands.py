@@ -2,6 +2,7 @@
 
 import csv
 import json
+import math
 import shutil
 import socket
 
@@ -196,6 +197,23 @@ def test_calibrate_wind_says_no_of_a_hover_and_yes_when_the_wind_is_given(skyway
     assert "cannot be identified: the drone hovers" in skyway("calibrate", "wind", path, code=1)
     report = json.loads(skyway("calibrate", "wind", path, "--wind", "5@0", "--json"))
     assert report["drag"]["linear_per_s"] == pytest.approx(0.3, rel=0.1)
+
+
+def test_calibrate_wind_refuses_a_given_wind_that_the_flight_contradicts(skyway, flight, tmp_path):
+    found = json.loads(skyway("calibrate", "wind", flight, "--json"))["wind"]
+    told = math.degrees(math.atan2(found["east_mps"], found["north_mps"])) % 360.0  # towards: the wrong end
+    refused = skyway("calibrate", "wind", flight, "--wind", f"6@{told:.0f}", "-o", "drag.toml", code=2)
+    assert "flight.tlog: --wind: the flight contradicts the given wind" in refused
+    assert not (tmp_path / "drag.toml").exists()
+
+
+def test_a_vtol_is_calibrated_on_its_wings_only(skyway, shared_data):
+    log = shared_data / "logs" / "cuav_quadplane_flight.tlog"
+    refused = skyway("calibrate", "wind", log, "--wind", "1@115", code=2)
+    assert "--wind: only 0 s of flight on rotors" in refused
+    assert "omit the wind" in refused
+    refused = skyway("calibrate", "energy", log, "--payload", "0", code=2)
+    assert "is the log of a VTOL" in refused
 
 
 def test_calibrate_energy_writes_a_drone_that_plan_uses(skyway, flight, tmp_path):

@@ -67,6 +67,28 @@ def test_a_flight_on_one_course_cannot_tell_the_drag_and_says_why():
     assert "courses" in fit.reason
 
 
+@pytest.mark.parametrize("seed", range(8))
+def test_a_flight_that_tells_its_own_wind_refuses_another_and_takes_the_right_one(seed):
+    truth = fly(seed=seed, courses_deg=(0.0, 180.0), leg_s=50.0, sigma_mps=0.7, c2=0.0, c1=0.3)
+    air = blocks(truth.track(0))
+    mean = truth.wind[:, 0].mean(axis=0)
+    assert fit_known_wind(air, np.broadcast_to(mean, (len(air), 2))).linear_per_s == pytest.approx(0.3, rel=0.1)
+    assert math.hypot(*mean) > 2.5
+    for wrong in (-mean, 10.0 * mean):
+        with pytest.raises(InputError, match="contradicts the given wind"):
+            fit_known_wind(air, np.broadcast_to(wrong, (len(air), 2)))
+
+
+def test_the_wind_found_with_the_drag_is_not_more_certain_than_it_is():
+    scores = []
+    for seed in range(20):
+        truth = fly(seed=seed, courses_deg=(0.0, 180.0), leg_s=50.0, sigma_mps=0.7, c1=0.3, c2=0.0)
+        fit = identify_drag(blocks(truth.track(0)))
+        miss = np.array([fit.wind_north_mps, fit.wind_east_mps]) - truth.wind[:, 0].mean(axis=0)
+        scores.append(miss / fit.wind_sigma_mps)
+    assert float(np.sqrt(np.mean(np.square(scores)))) < 1.0
+
+
 def test_a_short_flight_cannot_tell_the_drag():
     fit = identify_drag(blocks(fly(seed=1, duration_s=40.0).track(0)))
     assert fit.drag is None
