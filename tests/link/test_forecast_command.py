@@ -2,7 +2,6 @@
 
 import csv
 import json
-import re
 from datetime import UTC, datetime
 
 import numpy as np
@@ -106,17 +105,38 @@ def test_a_replay_is_compared_with_the_forecast_of_the_record_at_the_height_that
     assert same["wind_summary"]["forecast"]["speed_mps"] == pytest.approx(told["speed_mps"], abs=0.02)
 
 
+@pytest.mark.usefixtures("logs")
+def test_measurements_after_the_departure_do_not_count(skyway, tmp_path):
+    between = ("--drag", "drag.toml", "--depart", "2013-07-10T17:05:00Z", "--json")
+    answer = skyway("forecast", "one.csv", "two.csv", *between)
+    assert "2 measurements after the departure: ignored" in answer.err
+    assert answer.out == skyway("forecast", "one.csv", *between).out
+    before = ("--drag", "drag.toml", "--depart", "2013-07-10T16:00:00Z", "-o", "new.csv")
+    answer = skyway("forecast", "one.csv", *before, code=2)
+    assert "2 measurements after the departure: ignored" in answer.err
+    assert "no measurement of the logs counts for a departure at" in answer.err
+    assert not (tmp_path / "new.csv").exists()
+
+
+@pytest.mark.usefixtures("logs")
+def test_a_log_given_twice_counts_once(skyway, tmp_path):
+    (tmp_path / "copy.csv").write_bytes((tmp_path / "one.csv").read_bytes())
+    answer = skyway("forecast", "one.csv", "copy.csv", "--drag", "drag.toml", "--json")
+    assert "copy.csv: 2 measurements as in an earlier log: counted once" in answer.err
+    assert answer.out == skyway("forecast", "one.csv", "--drag", "drag.toml", "--json").out
+
+
 def test_measurements_far_from_every_site_or_of_another_day_change_nothing(skyway, tmp_path):
     write_log(tmp_path / "far.csv", lat=47.0, lon=8.0)
     write_log(tmp_path / "old.csv", begin_s=TAKE_OFF - 3 * 86_400.0)
     (tmp_path / "drag.toml").write_text(drag_file(DragModel(linear_per_s=0.3)))
-    answer = skyway(
-        "forecast", "far.csv", "old.csv", "--drag", "drag.toml", "--depart", "2013-07-10T17:10:00Z", "--json"
-    )
+    write_log(tmp_path / "one.csv")
+    asked = ("--drag", "drag.toml", "--depart", "2013-07-10T17:10:00Z", "--json")
+    answer = skyway("forecast", "far.csv", "old.csv", "one.csv", *asked)
     assert "km from every wind site" in answer.err
-    assert "too long before or after the departure" in answer.err
-    assert re.search(r"ignores (1 measurement|[2-9][0-9]* measurements|1[0-9]+ measurements) too long", answer.err)
-    assert json.loads(answer.out)["observations"] == []
+    assert "more than 24 h before the departure" in answer.err
+    assert answer.out == skyway("forecast", "one.csv", *asked).out
+    assert "no measurement of the logs counts" in skyway("forecast", "far.csv", "old.csv", *asked, code=2).err
 
 
 @pytest.mark.parametrize(

@@ -30,6 +30,7 @@ if TYPE_CHECKING:
 
 OLDEST_H = 24.0
 """Older measurements than this say nothing about the departure."""
+REMEDY = "omit the logs for the forecast as it is, or give a --depart after the flight and a scenario of where it was"
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,7 +72,7 @@ def forecast(
 
     The winds of all logs are combined: a forecast error is similar at nearby places and times, according to the members of
     the forecast. Each member is moved by its own error; the shift fades with the lead time.
-    Without logs the forecast is written unchanged.
+    Measurements after the departure do not count. Without logs the forecast is written unchanged.
 
     Examples
     --------
@@ -92,7 +93,7 @@ def forecast(
         raise InputError("the scenario has no wind sites", world.path, remedy="name them in [[wind.sites]]")
     drag_model, sensor = log_options.air_of(drag)
     asked = ReplayOptions(vehicle=cast("Kind | None", vehicle), drag=drag_model, airspeed=sensor)
-    seen = [one for path in logs or () for one in _observations(path, columns, asked)]
+    seen = _measured(logs, columns, asked) if logs else None
     update = _update(world, seen, instant, hours, base, max(60.0 * slot, SLOT_S / 10.0))
     if output is not None:
         from skyway.models.base.files import write_atomically
@@ -104,6 +105,21 @@ def forecast(
         typer.echo(json_text(report))
     else:
         tell(report, output)
+
+
+def _measured(logs: list[Path], columns: Path | None, asked: ReplayOptions) -> list[WindObservation]:
+    """Measurements of all logs; those of a log given again count once."""
+    seen: dict[tuple[float, ...], WindObservation] = {}
+    for path in logs:
+        told = {
+            (one.time_s, one.lat_deg, one.lon_deg, one.north_mps, one.east_mps): one
+            for one in _observations(path, columns, asked)
+        }
+        again = len(told.keys() & seen.keys())
+        if again:
+            typer.echo(f"skyway: {path}: {counted(again, 'measurement')} as in an earlier log: counted once", err=True)
+        seen |= told
+    return list(seen.values())
 
 
 def _observations(path: Path, columns: Path | None, asked: ReplayOptions) -> list[WindObservation]:
@@ -130,7 +146,7 @@ def _observations(path: Path, columns: Path | None, asked: ReplayOptions) -> lis
 
 def _update(
     world: Scenario,
-    seen: list[WindObservation],
+    measured: list[WindObservation] | None,
     instant: datetime | None,
     hours: int,
     base: list[Path] | None,
@@ -141,21 +157,15 @@ def _update(
     from skyway.models.wind.triangle import height_factor
     from skyway.planner.parameters.planner import USUAL
 
+    seen = measured or []
     if not seen and instant is None:
         raise InputError("no time is known for the forecast", remedy="give logs with measured wind, or --depart")
     depart_s = max(one.time_s for one in seen) if instant is None else instant.timestamp()
-    fresh = [one for one in seen if -hours <= (depart_s - one.time_s) / 3600.0 <= OLDEST_H]
-    if len(fresh) < len(seen):
-        typer.echo(
-            f"skyway: ignores {counted(len(seen) - len(fresh), 'measurement')} too long before or after the departure",
-            err=True,
-        )
-    near = [one for one in fresh if _distance_m(world, one) <= log_options.FAR_M]
-    if len(near) < len(fresh):
-        away = f"more than {distance_text(log_options.FAR_M)} from every wind site"
-        typer.echo(f"skyway: ignores {counted(len(fresh) - len(near), 'measurement')} {away}", err=True)
-    fresh = near
-    begin = from_posix(min([depart_s, *(one.time_s for one in fresh)]))
+    kept = _usable(world, seen, depart_s)
+    if measured is not None and not kept:
+        why = "no wind could be estimated from the logs" if not seen else "no measurement of the logs counts"
+        raise InputError(f"{why} for a departure at {date_clock(from_posix(depart_s), named=True)}", remedy=REMEDY)
+    begin = from_posix(min([depart_s, *(one.time_s for one in kept)]))
     span_h = hours + math.ceil((depart_s - begin.timestamp()) / 3600.0)
     if base:
         before = _at_sites(world, world.forecast_from(base, begin, span_h))
@@ -163,12 +173,28 @@ def _update(
         day = from_posix(depart_s).astimezone(ZoneInfo(world.timezone)).date()
         before = _at_sites(world, world.forecast(begin, span_h, truth=day))
     exponent = world.rules.wind_profile_exponent
-    level = tuple(one.at_height(before.height_m, exponent) for one in fresh)
+    level = tuple(one.at_height(before.height_m, exponent) for one in kept)
     field = world.field_error.at_height(float(height_factor(before.height_m, world.measured_at_m, exponent)))
     residual = ResidualModel(tau_s=USUAL.online.residual_tau_s)
     least = USUAL.online.least_members
     after = assimilated(before, level, field, residual, slot_s=slot_s, least_members=least)
     return Update(world, depart_s, before, after, level)
+
+
+def _usable(world: Scenario, seen: list[WindObservation], depart_s: float) -> list[WindObservation]:
+    """Return the measurements that count: none after the departure, none old, none far; the others are reported."""
+    from skyway.models.wind.observed.conditioning import FUTURE_S
+
+    late = [one for one in seen if one.time_s > depart_s + FUTURE_S]
+    old = [one for one in seen if depart_s - one.time_s > 3600.0 * OLDEST_H]
+    timely = [one for one in seen if one not in late and one not in old]
+    far = [one for one in timely if _distance_m(world, one) > log_options.FAR_M]
+    away = f"more than {distance_text(log_options.FAR_M)} from every wind site"
+    reasons = ((late, "after the departure"), (old, f"more than {OLDEST_H:g} h before the departure"), (far, away))
+    for left_out, reason in reasons:
+        if left_out:
+            typer.echo(f"skyway: {counted(len(left_out), 'measurement')} {reason}: ignored", err=True)
+    return [one for one in timely if one not in far]
 
 
 def _at_sites(world: Scenario, ensemble: WindEnsemble) -> WindEnsemble:
