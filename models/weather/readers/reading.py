@@ -12,11 +12,12 @@ import numpy as np
 
 from skyway.models.base.errors import InputError
 from skyway.models.base.files import read_bytes
-from skyway.models.weather.readers.bulletins import is_bulletin, read_bulletin, unwrapped
+from skyway.models.weather.readers.bulletins import is_bulletin, read_bulletin
 from skyway.models.weather.readers.open_meteo import is_open_meteo, read_open_meteo
 from skyway.models.weather.readers.series import assembled
 from skyway.models.weather.readers.triangles import TriangleGrids, UnknownPlacesError
 from skyway.models.weather.weather import EAST, NORTH, FieldKey, Places, Weather, joined
+from skyway.models.wind.observed.wrapped import unwrapped
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence

@@ -21,6 +21,7 @@ from skyway.models.wind.columns import MAX_SPEED_MPS, check_year, parse_directio
 from skyway.models.wind.estimation.field import WindObservation
 from skyway.models.wind.history import WindSite
 from skyway.models.wind.observed.metar import parse_metars
+from skyway.models.wind.observed.wrapped import unwrapped
 from skyway.models.wind.triangle import speed_from, vector
 
 if TYPE_CHECKING:
@@ -33,6 +34,7 @@ STATION_ERROR_MPS = 1.2
 MAX_BYTES = 4 * 1024 * 1024
 MAX_REPORTS = 20_000
 TYPED = re.compile(r"([^=@/\\]+)=([^=@]+)@([^=@]+)(?:@([^=@]+))?")
+JSON_FORMS = "METARs (text, or JSON of avwx or aviationweather.gov), or the output of skyway forecast LOG … --json"
 VARIABLE = ("vrb", "variable")
 _HAS = ("time", "speed_mps", "from_deg")
 _MAY_HAVE = ("site", "lat", "lon", "height_m", "sigma_mps")
@@ -85,8 +87,8 @@ def read_observed(
 ) -> Observations:
     """Read winds: ``SITE=SPEED@FROM`` (with ``@TIME`` if not at the departure), or a file.
 
-    A file is a table (``time, speed_mps, from_deg`` and ``site`` or ``lat, lon``, with ``height_m`` and ``sigma_mps`` where known), METARs,
-    or the output of ``skyway forecast --json``. An `InputError` has all its faults.
+    A file is a table (``time, speed_mps, from_deg`` and ``site`` or ``lat, lon``, with ``height_m`` and ``sigma_mps`` where known), METARs
+    as text or in JSON (`models.wind.observed.wrapped`), or the output of ``skyway forecast --json``. An `InputError` has all its faults.
     """
     typed = TYPED.fullmatch(given.strip())
     if typed is not None and not os.path.isfile(given):  # noqa: PTH113  it takes any text
@@ -100,8 +102,8 @@ def read_observed(
     first = next((line.strip() for line in text.splitlines() if line.strip()), "")
     if not first:
         raise InputError("is empty", str(path), remedy="a table with a header, or METARs, one a line")
-    if first.startswith("{"):
-        return Observations(_from_json(text, str(path)))
+    if first.startswith(("{", "[")):
+        return _from_json(text, str(path), sites, measured_at_m, depart_s)
     if "speed_mps" in first or ("," in first and "time" in first.lower()):
         return Observations(_Table(path, sites, measured_at_m).read())
     return _from_metars(text, str(path), sites, measured_at_m, depart_s)
@@ -285,11 +287,29 @@ class _Update(msgspec.Struct):
     observations: list[_Measured]
 
 
-def _from_json(text: str, file: str) -> tuple[ObservedWind, ...]:
+def _from_json(text: str, file: str, sites: Sequence[WindSite], measured_at_m: float, depart_s: float) -> Observations:
+    """Read METARs in JSON, of the month that this tells, or the output of ``skyway forecast --json``."""
+    try:
+        value = msgspec.json.decode(text)
+    except (msgspec.DecodeError, RecursionError) as error:
+        raise InputError(f"is damaged JSON: {error}", file, remedy=JSON_FORMS) from error
+    if isinstance(value, dict) and "schema" in value:
+        return Observations(_from_update(text, file))
+    bulletin = unwrapped(value, depart_s)
+    if bulletin is None:
+        raise InputError("is JSON, but no observed winds", file, remedy=JSON_FORMS)
+    try:
+        told = _from_metars(bulletin[0], file, sites, measured_at_m, bulletin[1])
+    except InputError as error:  # lines are those of the reports, not of the file
+        raise InputError([replace(fault, line=None) for fault in error.faults]) from error
+    return Observations(tuple(replace(one, line=None) for one in told.winds), told.notes)
+
+
+def _from_update(text: str, file: str) -> tuple[ObservedWind, ...]:
     remedy = "write one with skyway forecast LOG … --json"
     try:
         read = msgspec.json.decode(text, type=_Update)
-    except (msgspec.ValidationError, msgspec.DecodeError, RecursionError) as error:
+    except (msgspec.ValidationError, msgspec.DecodeError) as error:
         raise InputError(f"is not what skyway forecast --json prints: {error}", file, remedy=remedy) from error
     if read.schema != "skyway.forecast-update/1":
         raise InputError("unknown schema", file, field="schema", value=read.schema, remedy=remedy)

@@ -111,7 +111,7 @@ def _measured(logs: list[Path], columns: Path | None, asked: ReplayOptions) -> l
     """Measurements of all logs; those of a log given again count once."""
     seen: dict[tuple[float, ...], WindObservation] = {}
     for path in logs:
-        told = {
+        told: dict[tuple[float, ...], WindObservation] = {
             (one.time_s, one.lat_deg, one.lon_deg, one.north_mps, one.east_mps): one
             for one in _observations(path, columns, asked)
         }

@@ -173,3 +173,27 @@ def test_faults_of_a_table_or_report_have_values_and_remedies_of_that_file(tmp_p
     file.write_text("KEWR 101751Z 27016KT 10SM\nKEWR 101751Z 09016KT 10SM\n")
     with pytest.raises(InputError, match=r"metars\.txt:1\) and 8\.2 m/s from 090° \(\S+metars\.txt:2\)"):
         counted(read(file).winds, SITES, DEPART)
+
+
+def test_metars_in_json_are_those_of_the_text_of_the_month_that_the_file_tells(shared_data):
+    """Of avwx, October 2023, though the departure is of 2013."""
+    found = read(shared_data / "forecast" / "kjfk_metar.json")
+    assert {one.place for one in found.winds} == {"JFK"}
+    last = max(found.winds, key=lambda one: one.observation.time_s)
+    assert last.observation.time_s == 1_697_521_860.0  # 2023-10-17T05:51Z
+    assert (last.speed_mps, last.from_deg, last.line) == (pytest.approx(7 * 1852 / 3600), 360.0, None)
+
+
+def test_a_list_of_reports_in_json_is_read_and_a_taf_is_refused_as_one(tmp_path, shared_data):
+    file = tmp_path / "metars.json"
+    reports = [f"{station} 101751Z 27016KT 10SM" for station in ("KEWR", "KJFK")]
+    file.write_text(json.dumps([{"icaoId": one[:4], "rawOb": one} for one in reports]))
+    assert [(one.place, one.observation.time_s) for one in read(file).winds] == [
+        ("EWR", DEPART - 540.0),
+        ("JFK", DEPART - 540.0),
+    ]
+    assert "kjfk_taf.json: is a TAF, a forecast" in refused(shared_data / "forecast" / "kjfk_taf.json")
+    for text, said in (('{"a": 1}', "is JSON, but no observed winds"), ("[{", "is damaged JSON")):
+        file.write_text(text)
+        assert said in refused(file)
+        assert "METARs (text, or JSON of avwx" in refused(file)
