@@ -28,7 +28,7 @@ def make_folder(folder: Path, field: str) -> None:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         problem = f"the folder cannot be made: {error.strerror or error}"
-        raise InputError(problem, field=field, value=str(folder), remedy="name a folder that can be written") from error
+        raise InputError(problem, str(folder), field=field, remedy="name a folder that can be written") from error
 
 
 PIPE_S = 10.0

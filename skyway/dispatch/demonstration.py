@@ -174,7 +174,7 @@ def _claimed(folder: Path) -> Iterator[None]:
     if names and not (folder / MARK).exists():
         remedy = "name a new folder with --output, or move them away"
         problem = f"has files that no demonstration has written ({', '.join(names)})"
-        raise InputError(problem, field="--output", value=str(folder), remedy=remedy)
+        raise InputError(problem, str(folder), field="--output", remedy=remedy)
     make_folder(folder / JOURNALS, "--output")
     leases = KeptLeases(str(folder / MARK), secrets.token_hex(8), LEASE_S)
     try:
@@ -204,7 +204,7 @@ def _wait_for_service(folder: Path) -> None:
 
 def _in_use(folder: Path, what: str) -> InputError:
     remedy = f"end it, or name another folder with --output; after a kill, wait {LEASE_S:g} s"
-    return InputError(f"is in use: {what} runs there", field="--output", value=str(folder), remedy=remedy)
+    return InputError(f"is in use: {what} runs there", str(folder), field="--output", remedy=remedy)
 
 
 def _remove_last(folder: Path) -> None:

@@ -65,7 +65,7 @@ def test_the_files_of_a_real_fleet_are_not_touched(tmp_path, capsys):
     assert main(["dispatch", "demo", "--no-page", "-o", str(tmp_path)]) == 2
     said = capsys.readouterr().err
     assert "--output: has files that no demonstration has written (fleet.db, orders.csv, fleet.csv, flights)" in said
-    assert str(tmp_path) in said
+    assert f"{tmp_path}: --output" in said
     assert "name a new folder" in said
     assert contents(tmp_path) == before
 
@@ -95,7 +95,7 @@ def test_a_folder_that_cannot_be_made_is_told_with_its_option(tmp_path, capsys, 
     (tmp_path / "file").touch()
     assert main([*command, "-o", str(tmp_path / "file" / "x")]) == 2
     said = capsys.readouterr().err
-    assert "--output: the folder cannot be made: Not a directory (got " in said
+    assert f"{tmp_path / 'file' / 'x'}: --output: the folder cannot be made: Not a directory;" in said
     assert "name a folder" in said
 
 
