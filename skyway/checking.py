@@ -9,6 +9,7 @@ from skyway.models.base.errors import InputError
 from skyway.models.base.units import parse_instant
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
     from pathlib import Path
 
     from skyway.missions.checks.energy import FlightConditions
@@ -43,6 +44,17 @@ def over_of(
     if over is None:
         raise InputError("needs a terrain model", field="--clearance", remedy="give --terrain too")
     return replace(over, clearance=replace(over.clearance, least_m=clearance_m))
+
+
+def obstacle_notes(over: Over | None, places: Sequence[tuple[float, float]]) -> list[str]:
+    """Return a note on each file of obstacles that lies nowhere near a mission; those with lat and lon exchanged are refused."""
+    import numpy as np
+
+    from skyway.models.scenario.checks import misplaced_obstacles
+
+    if over is None or not places:
+        return []
+    return misplaced_obstacles(np.array(places), over.terrain.obstacles, "the mission")
 
 
 def weather_of(

@@ -10,7 +10,7 @@ import numpy as np
 
 from skyway.models.airspace.ways import columns
 from skyway.models.base import geodesy
-from skyway.models.base.errors import Fault
+from skyway.models.base.errors import Fault, refuse
 from skyway.models.base.formatting import distance_text
 from skyway.models.base.units import S_PER_H
 from skyway.models.network.overs import USUAL_MOST_M
@@ -26,14 +26,17 @@ if TYPE_CHECKING:
     from skyway.models.network.network import Network
     from skyway.models.network.station import Station
     from skyway.models.scenario.scenario import Scenario
+    from skyway.models.terrain.obstacles import Obstacles
     from skyway.models.wind.history import WindSite
 
 LOST_M = 1_000_000.0
 """A point farther than this from all others, but near them with lat and lon swapped, is assumed to be swapped."""
 WIND_FAR_M = 300_000.0
 """Wind measured farther away than this is not representative of the wind at a station."""
-FEW_ZONES = 20
-"""Of more zones than this, all must look swapped."""
+FEW = 20
+"""Of more zones or obstacles than this, all must look swapped."""
+OBSTACLES_FAR_M = 100_000.0
+"""Obstacles farther away than this from everything are not those of the region."""
 NO_SEGMENTS = "no segment joins any stations: is network.max_length_m long enough, in metres?"
 """Warning of a network in which nothing can be planned."""
 _SWAPPED = "lat and lon look swapped"
@@ -73,11 +76,38 @@ def swapped_zones(here: NDArray[np.float64], zones: Airspace, what: str) -> list
     """Find zones with longitude and latitude exchanged: far from the destinations, shape (n, 2), and near them if exchanged."""
     middle = np.array([(p.centroid.y, p.centroid.x) for p in zones.polygons]).reshape(-1, 2)
     wrong = _swapped(middle, np.median(here, axis=0, keepdims=True))
-    if not wrong.all() and len(wrong) > FEW_ZONES:  # of all the zones of a country some may be anywhere
+    if not wrong.all() and len(wrong) > FEW:  # of all the zones of a country some may be anywhere
         return []
     remedy = f"GeoJSON has longitude first, then latitude; or lat and lon of {what} are swapped"
     sources = [zones.zones[i].source for (i, _), closed in zip(zones.volumes, zones.closed, strict=True) if closed]
     return [Fault(_SWAPPED, sources[i], None, zones.names[i], _at(middle[i]), remedy) for i in np.flatnonzero(wrong)]
+
+
+def misplaced_obstacles(here: NDArray[np.float64], obstacles: Obstacles, what: str) -> list[str]:
+    """Return a note on each file of obstacles of which none lies near the destinations, shape (n, 2).
+
+    An `InputError` names those that lie near them only with latitude and longitude exchanged.
+    """
+    faults: list[Fault] = []
+    notes: list[str] = []
+    middle = np.median(here, axis=0, keepdims=True)
+    for file, part in obstacles.by_file():
+        near = len(part.within(here[:, 0], here[:, 1], OBSTACLES_FAR_M))
+        if not len(part) or (near and len(part) > FEW):
+            continue
+        at = np.column_stack((part.lat, part.lon))
+        wrong = _swapped(at, middle)
+        remedy = f"lat and lon as columns, longitude first in GeoJSON; or those of {what} are swapped"
+        if wrong.all() and len(part) > 1:
+            faults.append(Fault(f"{_SWAPPED} in all obstacles", file, None, part.names[0], _at(at[0]), remedy))
+        elif wrong.any() and len(part) <= FEW:
+            found = np.flatnonzero(wrong).tolist()
+            faults += [Fault(_SWAPPED, file, None, part.names[i], _at(at[i]), remedy) for i in found]
+        elif not near:
+            away = distance_text(float(_nearest_m(at, middle).min()))
+            notes.append(f"{file}: no obstacle lies near {what}: the nearest is {away} away")
+    refuse(faults)
+    return notes
 
 
 def _climbs(stations: Sequence[Station], zones: Airspace) -> Ways:

@@ -12,6 +12,7 @@ from skyway.models.base.formatting import height_text, place_text
 from skyway.models.flight.way_heights import Over, segment_heights
 from skyway.models.network.builders import with_zones
 from skyway.models.scenario.air import fleet_in_air
+from skyway.models.scenario.checks import misplaced_obstacles
 from skyway.models.terrain.obstacles import FOOT_M
 
 if TYPE_CHECKING:
@@ -31,10 +32,10 @@ FEW = 4
 
 
 def over_terrain(scenario: Scenario, terrain: Terrain) -> Scenario:
-    """Return a scenario with a terrain model. Raises an `InputError` if the model covers another region.
+    """Return a scenario with a terrain model.
 
-    Grounds that stations lack are filled in. Differences, unknown values, and segments omitted because of them are reported in
-    its warnings.
+    Raises an `InputError` if the model covers another region, or if obstacles have lat and lon exchanged. Grounds that
+    stations lack are filled in. Differences, unknown values, and segments omitted because of them are reported in its warnings.
     """
     ground_m = terrain.ground_m(scenario.network.lat, scenario.network.lon)
     if not np.isfinite(ground_m).any():
@@ -43,7 +44,9 @@ def over_terrain(scenario: Scenario, terrain: Terrain) -> Scenario:
     network = scenario.network
     ground_m = terrain.ground_m(network.lat, network.lon)
     flown = network.over_terrain(Over(terrain, scenario.rules.clearance, scenario.rules.cruise_height_m))
-    notes = (*terrain.notes, *_unknown(network, flown, ground_m))
+    places = np.column_stack((network.lat, network.lon))
+    misplaced = misplaced_obstacles(places, terrain.obstacles, "the stations")
+    notes = (*terrain.notes, *misplaced, *_unknown(network, flown, ground_m))
     flown = replace(flown, over=Over(terrain, scenario.rules.clearance, scenario.rules.cruise_height_m, notes))
     warnings = (*scenario.warnings, *notes, *_differences(network, ground_m))
     return fleet_in_air(replace(scenario, network=flown, warnings=warnings))

@@ -42,6 +42,7 @@ MAX_BYTES = 256 * 1024 * 1024
 MAX_POINTS = 2_000_000
 EVERY_M = 20.0
 """Spacing of points on lines and outlines."""
+_ARRAYS = ("lat", "lon", "agl_m", "amsl_m", "radius_m")
 _FIX = "name the column or property height_m, height_ft (above ground), top_m or top_ft (above sea level)"
 
 
@@ -59,6 +60,8 @@ class Obstacles:
         Height above ground and of the top above mean sea level; NaN if not given.
     radius_m : ndarray
         Its extent about the point, such as the jib of a crane.
+    files : tuple of (str, int)
+        Files in the order of the points, with the number of points of each.
     """
 
     names: tuple[str, ...] = ()
@@ -67,6 +70,16 @@ class Obstacles:
     agl_m: NDArray[np.float64] = field(default_factory=lambda: np.empty(0))
     amsl_m: NDArray[np.float64] = field(default_factory=lambda: np.empty(0))
     radius_m: NDArray[np.float64] = field(default_factory=lambda: np.empty(0))
+    files: tuple[tuple[str, int], ...] = ()
+
+    def by_file(self) -> Iterator[tuple[str, Obstacles]]:
+        """Yield each file with its points."""
+        start = 0
+        for file, count in self.files:
+            part = slice(start, start + count)
+            arrays = (getattr(self, one)[part] for one in _ARRAYS)
+            yield file, Obstacles(self.names[part], *arrays, files=((file, count),))
+            start += count
 
     def __len__(self) -> int:
         return len(self.names)
@@ -111,8 +124,8 @@ def joined(parts: Sequence[Obstacles]) -> Obstacles:
     if len(parts) == 1:
         return parts[0]
     names = tuple(name for part in parts for name in part.names)
-    fields = ("lat", "lon", "agl_m", "amsl_m", "radius_m")
-    return Obstacles(names, *(np.concatenate([np.empty(0), *(getattr(part, one) for part in parts)]) for one in fields))
+    arrays = (np.concatenate([np.empty(0), *(getattr(part, one) for part in parts)]) for one in _ARRAYS)
+    return Obstacles(names, *arrays, files=tuple(file for part in parts for file in part.files))
 
 
 def read_obstacles(path: Path) -> Obstacles:
@@ -197,7 +210,8 @@ class _Points:
         """Return the points; all faults are raised together."""
         self.faults.raise_if_any()
         columns = np.array(self.rows, dtype=np.float64).reshape(-1, 5).T
-        return Obstacles(tuple(self.names), *(np.ascontiguousarray(column) for column in columns))
+        arrays = (np.ascontiguousarray(column) for column in columns)
+        return Obstacles(tuple(self.names), *arrays, files=((self.faults.file or "", len(self.names)),))
 
 
 def _empty(value: object) -> bool:

@@ -70,6 +70,41 @@ def test_feet_and_swapped_places_are_told(skyway, tmp_path):
     assert "or lat and lon of the stations are swapped" in answer.err
 
 
-def test_a_single_obstacle_is_counted_in_the_singular(skyway, tmp_path):
-    (tmp_path / "towers.csv").write_text("lat,lon,height_m\n40.7,-74.0,100\n")
-    assert "towers.csv: 1 point of obstacles" in skyway("terrain", "--obstacles", "towers.csv").out
+def test_obstacles_of_elsewhere_are_told_and_swapped_ones_refused(skyway, tmp_path):
+    """The hills lie at 45 N, 30 W."""
+    skyway("scenario", "init", "hills", "--example", "hills")
+    skyway(*HILLS, "-o", "plan.json")
+    skyway("mission", "plan.json", "-o", "m.plan")
+    near, swapped, far = "45.03,-30.13", "-30.13,45.03", "47.0,8.0"
+    for name, places in (
+        ("near", (near,)), ("swapped", (swapped,)), ("one", (near, swapped)), ("far", (far,)), ("many", (swapped,) * 30),
+        ("country", (near, *(far,) * 30)),
+    ):  # fmt: skip
+        rows = "".join(f"{name} {number},{place},40\n" for number, place in enumerate(places))
+        (tmp_path / f"{name}.csv").write_text(f"name,lat,lon,height_m\n{rows}")
+
+    def asked(command, name):
+        if command == "plan":
+            return skyway(*HILLS, "--obstacles", f"{name}.csv")
+        return skyway("check", "m.plan", "--terrain", "hills/terrain.tif", "--obstacles", f"{name}.csv")
+
+    for command, what in (("plan", "the stations"), ("check", "the mission")):
+        for name, place in (("swapped", "swapped 0"), ("one", "one 1"), ("many", "many 0")):
+            answer = asked(command, name)
+            assert answer.code == 2
+            assert f"{name}.csv: {place}: lat and lon look swapped" in answer.err
+        answer = asked(command, "far")
+        assert answer.code == 0, answer.err
+        assert f"far.csv: no obstacle lies near {what}: the nearest is" in answer.out + answer.err
+        for name in ("near", "country"):
+            answer = asked(command, name)
+            assert answer.code == 0, answer.err
+            assert "no obstacle lies near" not in answer.out + answer.err
+
+
+def test_a_place_beyond_the_files_with_lat_and_lon_swapped_is_refused(skyway):
+    skyway("scenario", "init", "hills", "--example", "hills")
+    answer = skyway("terrain", "hills/terrain.tif", "--at", "-30.13,45.03")
+    assert answer.code == 2
+    assert "--at: lies beyond the files: lat and lon look swapped" in answer.err
+    assert "beyond the files" in skyway("terrain", "hills/terrain.tif", "--at", "47.0,8.0").out

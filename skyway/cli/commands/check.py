@@ -75,7 +75,7 @@ def check(
       skyway check survey.plan --terrain S36E149.hgt.zip --obstacles towers.csv --plot heights.png
       skyway check survey.plan --zones national.json --depart 2026-08-05T14:00+02:00
     """
-    from skyway.checking import conditions_of, over_of, weather_of
+    from skyway.checking import conditions_of, obstacle_notes, over_of, weather_of
     from skyway.missions import check as check_mission
     from skyway.missions import family_named, read
 
@@ -84,6 +84,8 @@ def check(
     document = read(file)
     region = None if scenario is None else load_scenario(scenario)
     over = over_of(region, terrain, obstacles, clearance)
+    for note in obstacle_notes(over, document.places):
+        typer.echo(f"warning: {note}", err=True)
     if plot is not None and over is None:
         raise InputError("there are no heights to draw", field="--plot", remedy="give a terrain model with --terrain")
     airspace = airspace_options.zones_of(region, zones or (), authorized or (), document.places)
@@ -237,6 +239,7 @@ def recharge(
       skyway recharge survey.plan --pads pads.csv --drones 3 --reorder -o flights
       skyway recharge patrol.waypoints --pads newyork --depart 2013-07-10T14:00-04:00 --laps 5 -o flights
     """
+    from skyway.checking import obstacle_notes
     from skyway.cli.views.recharge import print_recharge
     from skyway.missions import family_named, read
     from skyway.missions.autopilots import NAMES
@@ -287,6 +290,8 @@ def recharge(
     families = [family_named(name) for name in ((autopilot,) if autopilot else NAMES)]
     stands = stands_of(asked)
     chosen = options_of(asked, document, region, airspace, stands)
+    for note in obstacle_notes(chosen.transit.over, document.places):
+        typer.echo(f"warning: {note}", err=True)
     made_of = MadeOf(
         asked=asked, mission=mission, autopilot=autopilot, zones=tuple(zones or ()), authorized=tuple(authorized or ())
     )

@@ -99,7 +99,10 @@ def _say_obstacles(one: ObstacleContents) -> None:
 
 
 def _height_at(text: str, files: list[str], obstacles: list[str]) -> dict[str, float | None]:
-    """Ground and highest thing at a place as typed, metres above mean sea level; None where not known."""
+    """Ground and highest thing at a place as typed, metres above mean sea level; None where not known.
+
+    A place at which nothing is known, but is with latitude and longitude exchanged, is refused.
+    """
     import numpy as np
 
     from skyway.models.terrain.files import read_terrain
@@ -110,6 +113,9 @@ def _height_at(text: str, files: list[str], obstacles: list[str]) -> dict[str, f
     known = read_terrain(files, obstacles)
     lat, lon = np.array(found[:1]), np.array(found[1:])
     heights = float(known.ground_m(lat, lon)[0]), float(known.top_m(lat, lon, WITHIN_M)[0])
+    if np.isnan(heights[0]) and abs(found[1]) <= 90.0 and np.isfinite(known.ground_m(lon, lat)[0]):
+        problem = "lies beyond the files: lat and lon look swapped"
+        raise InputError(problem, field="--at", value=text, remedy="latitude first, then longitude")
     ground, top = (None if np.isnan(one) else one for one in heights)
     return {"lat": found[0], "lon": found[1], "ground_m": ground, "top_m": top}
 
