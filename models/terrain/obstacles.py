@@ -77,8 +77,8 @@ class Obstacles:
         start = 0
         for file, count in self.files:
             part = slice(start, start + count)
-            arrays = (getattr(self, one)[part] for one in _ARRAYS)
-            yield file, Obstacles(self.names[part], *arrays, files=((file, count),))
+            lat, lon, agl_m, amsl_m, radius_m = (getattr(self, one)[part] for one in _ARRAYS)
+            yield file, Obstacles(self.names[part], lat, lon, agl_m, amsl_m, radius_m, ((file, count),))
             start += count
 
     def __len__(self) -> int:
@@ -124,8 +124,11 @@ def joined(parts: Sequence[Obstacles]) -> Obstacles:
     if len(parts) == 1:
         return parts[0]
     names = tuple(name for part in parts for name in part.names)
-    arrays = (np.concatenate([np.empty(0), *(getattr(part, one) for part in parts)]) for one in _ARRAYS)
-    return Obstacles(names, *arrays, files=tuple(file for part in parts for file in part.files))
+    lat, lon, agl_m, amsl_m, radius_m = (
+        np.concatenate([np.empty(0), *(getattr(part, one) for part in parts)]) for one in _ARRAYS
+    )
+    files = tuple(file for part in parts for file in part.files)
+    return Obstacles(names, lat, lon, agl_m, amsl_m, radius_m, files)
 
 
 def read_obstacles(path: Path) -> Obstacles:
@@ -210,8 +213,9 @@ class _Points:
         """Return the points; all faults are raised together."""
         self.faults.raise_if_any()
         columns = np.array(self.rows, dtype=np.float64).reshape(-1, 5).T
-        arrays = (np.ascontiguousarray(column) for column in columns)
-        return Obstacles(tuple(self.names), *arrays, files=((self.faults.file or "", len(self.names)),))
+        lat, lon, agl_m, amsl_m, radius_m = (np.ascontiguousarray(column) for column in columns)
+        files = ((self.faults.file or "", len(self.names)),)
+        return Obstacles(tuple(self.names), lat, lon, agl_m, amsl_m, radius_m, files)
 
 
 def _empty(value: object) -> bool:
