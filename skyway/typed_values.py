@@ -239,7 +239,11 @@ def true_wind(
             remedy = "a day of the record such as 2013-07-10, or a forecast file with one member"
             raise InputError("neither a date nor a file", field=option, value=text, remedy=remedy) from None
         return scenario.forecast_from([path], depart, HORIZON_H), None
-    return scenario.truth(day, depart, HORIZON_H), day
+    try:
+        return scenario.truth(day, depart, HORIZON_H), day
+    except InputError as error:
+        faults = [replace(one, field=option if one.field == "truth" else one.field) for one in error.faults]
+        raise InputError(faults) from error
 
 
 def check_planners(names: Sequence[str], option: str, among: Sequence[str] = PLANNERS) -> None:

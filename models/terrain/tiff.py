@@ -33,6 +33,8 @@ _SAMPLES = {(1, 8): "u1", (1, 16): "u2", (1, 32): "u4", (2, 8): "i1", (2, 16): "
 """Sample format and bits, and the type of numpy."""
 _AGAIN = "gdal_translate -co COMPRESS=DEFLATE writes it as it can be read"
 
+EXPECTED = "terrain is read from GeoTIFF (.tif) and SRTM (.hgt); obstacles in CSV or GeoJSON go with --obstacles"
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TiffImage:
@@ -217,14 +219,14 @@ class _Reader:
         """Offset of the first directory."""
         mark = self._take(0, 2)
         if mark not in (b"II", b"MM"):
-            raise InputError("is not a TIFF file", self.file)
+            raise InputError("is not a TIFF file", self.file, remedy=EXPECTED)
         self.order = "<" if mark == b"II" else ">"
         (version,) = self._unpack("H", 2)
         if version == 43:
             self.big = True
             return self._unpack("HHQ", 4)[2]
         if version != 42:
-            raise InputError("is not a TIFF file", self.file, value=f"version {version}")
+            raise InputError("is not a TIFF file", self.file, value=f"version {version}", remedy=EXPECTED)
         return self._unpack("I", 4)[0]
 
     def directory(self, at: int) -> tuple[dict[int, tuple[float, ...] | str], int]:

@@ -100,7 +100,11 @@ WRONG = {
     "seed negative": ("--seed", "-5", "--seed: out of range (got '-5'); 0 or more"),
     "time limit": ("--time-limit", "0", "--time-limit: must be above 0"),
     "truth in words": ("--actual-wind", "yesterday", "--actual-wind: neither a date nor a file (got 'yesterday')"),
-    "truth out of the record": ("--actual-wind", "2012-07-10", "(got '2012-07-10'); the record covers 2013-01-01"),
+    "truth out of the record": (
+        "--actual-wind",
+        "2012-07-10",
+        "--actual-wind: the record has no complete 48 h of wind for the day (got '2012-07-10'); the record covers 2013-01-01",
+    ),
     "truth at the record's end": ("--actual-wind", "2013-12-30", "nearest day without a gap is 2013-12-"),
     "forecast missing": ("--forecast", "nope.csv", "nope.csv: no such file"),
     "picture format": (

@@ -36,6 +36,11 @@ def test_a_calibration_flight_overwrites_nothing(refused):
     assert Path("square.tlog").read_text() == "mine"
 
 
+def test_a_calibration_flight_is_recorded_under_the_ending_of_its_form(refused):
+    assert "name it FILE.tlog" in refused("demo", "--calibration-flight", "square.csv")
+    assert not Path("square.csv").exists()
+
+
 @pytest.mark.parametrize("words", ["scenario check newyork", "wind newyork --hours 1", "network newyork"])
 def test_the_built_in_scenario_has_its_name_in_every_command(skyway, words):
     answer = skyway(*words.split())

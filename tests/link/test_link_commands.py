@@ -122,6 +122,16 @@ def test_watching_tells_what_is_known_and_what_is_not(run):
     assert row["conflict"] is False
 
 
+def test_watching_without_a_terminal_prints_a_header_once(run):
+    with served(tcp_port=0, autopilot="px4") as there:
+        code, text = run("watch", "--duration", "2.2", port=there.where()[1])
+    header, *rows = text.splitlines()
+    assert code == 0
+    assert header.split()[:5] == ["vehicle", "mode", "position", "height", "speed"]
+    assert rows
+    assert header not in rows
+
+
 def test_nobody_there_ends_with_3_and_nonsense_with_2(run, plan, tmp_path):
     assert run("verify", plan, "--connect", "tcp:127.0.0.1:9")[0] == 3
     assert run("verify", plan, "--connect", "carrier pigeon")[0] == 2

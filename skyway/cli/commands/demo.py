@@ -155,6 +155,9 @@ def _prove(path: Path, payload: float | None, *, force: bool) -> None:
     from skyway.calibration_flight import record_square
     from skyway.demo import DRONE, PAYLOAD_KG
 
+    if path.suffix.lower() != ".tlog":
+        remedy = "a recording is a MAVLink log: name it FILE.tlog"
+        raise InputError("has another ending than .tlog", field="--calibration-flight", value=str(path), remedy=remedy)
     options.refuse_overwriting(path, force=force)
     drone = load_scenario(None).drone(DRONE)
     carried = PAYLOAD_KG if payload is None else payload

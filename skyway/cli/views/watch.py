@@ -234,7 +234,7 @@ class Watched:
 def show(watched: Watched, end_s: float, *, as_json: bool, every_s: float = _LINE_EVERY_S) -> None:
     """Show the vehicles until a time: as a live table on a terminal, otherwise line by line.
 
-    Line by line each vehicle is printed once a second; with a smaller `every_s` its changes are printed at that interval as well.
+    Line by line, after a header, each vehicle is printed once a second; with a smaller `every_s` its changes are printed at that interval as well.
     """
     from rich.console import Console
     from rich.live import Live
@@ -246,6 +246,8 @@ def show(watched: Watched, end_s: float, *, as_json: bool, every_s: float = _LIN
                 watched.run_for(min(_EVERY_S, end_s - clock.now_s()))
                 live.update(_table(watched), refresh=True)
         return
+    if not as_json:
+        typer.echo("  ".join(_COLUMNS))
     told: list[str] = []
     all_s = -math.inf
     while clock.now_s() < end_s:

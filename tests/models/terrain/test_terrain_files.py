@@ -247,7 +247,7 @@ def test_voids_are_never_heights(tmp_path):
     ("spoil", "expected"),
     [
         (lambda p: p.write_bytes(p.read_bytes()[:900]), "truncated"),
-        (lambda p: p.write_bytes(b"PNG" + p.read_bytes()), "is not a TIFF file"),
+        (lambda p: p.write_bytes(b"PNG" + p.read_bytes()), "is not a TIFF file; terrain is read from GeoTIFF"),
         (lambda p: p.write_bytes(b""), "truncated"),
         (lambda p: written(p, hills(9, 9).astype("float32"), crs=None), "position on the Earth"),
         (lambda p: written(p, hills(9, 9).astype("float32"), compress="zstd"), "ZSTD, which is not supported"),
