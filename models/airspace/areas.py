@@ -63,7 +63,7 @@ def polygon(rings: Sequence[Sequence[Place]], notes: Notes) -> shapely.Geometry 
     """Return the area of an outer ring and its holes; None, with a fault, if it is not on the Earth.
 
     An open ring is closed. A ring that crosses itself, or encloses nothing, is replaced by its convex hull, which
-    contains every possible meaning of it, with a note.
+    contains every possible meaning of it, with a note. Fewer than three corners are a fault: the area may lie on any side of them.
     """
     import shapely
 
@@ -75,20 +75,21 @@ def polygon(rings: Sequence[Sequence[Place]], notes: Notes) -> shapely.Geometry 
         return None
     if not all(_sound(ring, notes) for ring in rings):
         return None
+    if len(set(rings[0])) < 3:
+        remedy = "give the zone its outline, or take it out of the file"
+        notes.wrong("geometry", "has fewer than three different corners", None, remedy)
+        return None
     closed = [_next_to_each_other(ring) for ring in rings]
-    if len(set(rings[0])) >= 3:
-        holes = [hole for hole in closed[1:] if len({tuple(place) for place in hole.tolist()}) >= 3]
-        area = shapely.Polygon(closed[0], holes)
-        if area.is_valid and not area.is_empty:
-            return area
+    holes = [hole for hole in closed[1:] if len({tuple(place) for place in hole.tolist()}) >= 3]
+    area = shapely.Polygon(closed[0], holes)
+    if area.is_valid and not area.is_empty:
+        return area
     outline = shapely.MultiPoint(closed[0]).convex_hull
     if not isinstance(outline, shapely.Polygon):
         lat = float(np.abs(closed[0][:, 1]).max())
         outline = _widened(outline, THIN_M, lat)
-    reason = shapely.is_valid_reason(area) if len(set(rings[0])) >= 3 else "fewer than three corners"
-    notes.closed(
-        "geometry", "is not a valid polygon", reason, "counted as the convex hull of its corners; put them in order"
-    )
+    counted = "counted as the convex hull of its corners; put them in order"
+    notes.closed("geometry", "is not a valid polygon", shapely.is_valid_reason(area), counted)
     return outline
 
 

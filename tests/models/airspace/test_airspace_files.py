@@ -254,6 +254,15 @@ def test_openair_that_is_not_understood_closes_the_hull_to_all_heights(tmp_path)
         assert words in said
 
 
+def test_two_corners_are_no_area_that_could_be_closed(tmp_path):
+    """openAIP's own parser refuses the same text."""
+    corners = ("46:03:45 N 008:51:09 E", "46:03:45 N 009:02:03 E", "46:03:45 N 008:51:09 E")
+    text = "AC C\nAN FEW\nAL FL125\nAH FL195\n" + "".join(f"DP {one}\n" for one in corners)
+    found = held(tmp_path, text, "zones.txt")
+    assert not found.zones
+    assert "FEW: geometry: has fewer than three different corners" in str(found.faults[0])
+
+
 def test_kml_and_kmz_have_polygons_with_holes_and_limits_in_their_data(tmp_path):
     ring = " ".join(f"{lon},{lat},50" for lon, lat in SQUARE)
     hole = "8.04,47.04 8.06,47.04 8.06,47.06 8.04,47.04"

@@ -101,6 +101,7 @@ def test_a_long_flight_is_tested_along_the_geodesic_not_the_straight_line_of_a_m
         (collection(polygon([[[0, 0], [1, float("nan")], [1, 1], [0, 0]]])), "features"),
         (collection(polygon([[[0, 0], [1, float("inf")], [1, 1], [0, 0]]])), "is not a position"),
         (collection(polygon([[[40, 140], [41, 140], [41, 141], [40, 140]]])), "out of range .*longitude first"),
+        (collection(polygon([[[0, 0], [1, 0], [0, 0]]])), "has fewer than three different corners"),
         ({"type": "Polygon", "coordinates": 3}, "is empty"),
         ("[" * 100_000, "is not JSON"),
     ],
