@@ -70,6 +70,11 @@ def test_feet_and_swapped_places_are_told(skyway, tmp_path):
     assert "or lat and lon of the stations are swapped" in answer.err
 
 
+def test_a_single_obstacle_is_counted_in_the_singular(skyway, tmp_path):
+    (tmp_path / "towers.csv").write_text("lat,lon,height_m\n40.7,-74.0,100\n")
+    assert "towers.csv: 1 point of obstacles" in skyway("terrain", "--obstacles", "towers.csv").out
+
+
 def test_obstacles_of_elsewhere_are_told_and_swapped_ones_refused(skyway, tmp_path):
     """The hills lie at 45 N, 30 W."""
     skyway("scenario", "init", "hills", "--example", "hills")
