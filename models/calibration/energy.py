@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from skyway.models.base.errors import Fault, InputError
+from skyway.models.base.formatting import mass_text
 from skyway.models.base.units import S_PER_MIN
 from skyway.models.drones.energy_belief import EnergyBelief
 from skyway.models.drones.power import M100_COEFFICIENTS, PHASES, EnduranceEnergy, EnergyModel, MomentumEnergy, Phase
@@ -208,7 +209,7 @@ def _refuse_falling_power(records: Sequence[PowerRecord]) -> None:
     if one_mass(records) or _exponent(records) > 0.0:
         return
     light, heavy = (choose(records, key=lambda record: record.mass_kg) for choose in (min, max))
-    told = ", ".join(f"{one.total_j / one.total_s:.0f} W at {one.mass_kg:.2f} kg" for one in (light, heavy))
+    told = ", ".join(f"{one.total_j / one.total_s:.0f} W at {mass_text(one.mass_kg)}" for one in (light, heavy))
     remedy = "give the package of each log in the order of the logs, and flights alike in speed and wind with loads further apart"
     raise InputError(Fault(f"power falls as the mass rises ({told})", field="--payload", remedy=remedy))
 
