@@ -28,20 +28,13 @@ def air_times(problem: Problem, places: Sequence[int], speed_mps: NDArray[np.flo
 
     `speed_mps` has the ground speeds, shape (slots, segments), 0 where a segment cannot be flown.
     """
-    from scipy.sparse import csr_array
-    from scipy.sparse.csgraph import dijkstra
-
-    network, size, nodes = problem.network, len(problem.network), np.array(places)
-    found = np.empty((len(speed_mps), len(nodes), len(nodes)))
+    found = np.empty((len(speed_mps), len(places), len(places)))
     for slot, speed in enumerate(speed_mps):
         if slot and np.array_equal(speed, speed_mps[slot - 1]):
             found[slot] = found[slot - 1]
             continue
-        open_ = speed > 0.0
-        weight = problem.air.distance_m[open_] / speed[open_]
-        graph = csr_array((weight, (network.tail[open_], network.head[open_])), shape=(size, size))
-        found[slot] = dijkstra(graph, indices=nodes)[:, nodes] + fixed_s(problem)
-    diagonal = np.arange(len(nodes))
+        found[slot] = _fastest_s(problem, places, speed) + fixed_s(problem)
+    diagonal = np.arange(len(places))
     found[:, diagonal, diagonal] = np.inf
     return found
 
@@ -52,10 +45,17 @@ def charge_of(problem: Problem, air_s: NDArray[np.float64]) -> NDArray[np.float6
 
 
 def shortest_m(problem: Problem, places: Sequence[int]) -> NDArray[np.float64]:
-    """Return the lengths of the shortest ways between places, m, shape (places, places)."""
+    """Return the lengths of the shortest ways between places, m, shape (places, places): their times at 1 m/s."""
+    return _fastest_s(problem, places, np.ones(len(problem.air.distance_m)))
+
+
+def _fastest_s(problem: Problem, places: Sequence[int], speed_mps: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the least times between places over segments with a speed above 0, s, shape (places, places)."""
     from scipy.sparse import csr_array
     from scipy.sparse.csgraph import dijkstra
 
     network, size, nodes = problem.network, len(problem.network), np.array(places)
-    graph = csr_array((problem.air.distance_m, (network.tail, network.head)), shape=(size, size))
+    open_ = speed_mps > 0.0
+    time_s = problem.air.distance_m[open_] / speed_mps[open_]
+    graph = csr_array((time_s, (network.tail[open_], network.head[open_])), shape=(size, size))
     return np.asarray(dijkstra(graph, indices=nodes)[:, nodes])

@@ -222,6 +222,7 @@ class DepartureGate:
         way, reach = self._way(sure, at_s)
         self._reserve = self._kept_at(sure[-1])
         taken = self._taken(reach, way, at_s)
+        used_soc = self._mean_soc(reach, taken)
         least = self._keeps_reserve(reach, taken)
         if least is None:
             chance = self._p_below_reserve(reach, way, at_s, 1.0)
@@ -232,13 +233,13 @@ class DepartureGate:
             )
             why = f"even fully charged the drone lands below {percent(self._reserve)}{on} at {sure[-1]} with probability {probability(chance)}"
             why = f"the leg to {sure[-1]} is not flown: {why}"
-            return Gated(names, used_soc=self._mean_soc(reach, taken), why=why, p_below=chance)
+            return Gated(names, used_soc=used_soc, why=why, p_below=chance)
         covered = self._covered(
             reach, way, at_s, max(least, at_least, step.charge if step.turn_back is not None else 0.0), sure[-1]
         )
         if isinstance(covered, float):
             why = f"the leg to {sure[-1]} is not flown: from {distance_text(covered)} on no divert station is in reach, even fully charged"
-            return Gated(names, used_soc=self._mean_soc(reach, taken), why=why, p_below=1.0)
+            return Gated(names, used_soc=used_soc, why=why, p_below=1.0)
         soc, diverts = covered
         held, figures = (
             self._not_landed_at(step, at_s)
@@ -246,9 +247,7 @@ class DepartureGate:
             or self._held(way, at_s, sure[-1])
         )
         hopeless = len(sure) < len(names) and self._hopeless(names, at_s, max(soc, step.charge))
-        return Gated(
-            names, soc, least, self._mean_soc(reach, taken), diverts, held=held, figures=figures, hopeless=hopeless
-        )
+        return Gated(names, soc, least, used_soc, diverts, held=held, figures=figures, hopeless=hopeless)
 
     @staticmethod
     def _mean_soc(reach: Reach, taken: _Taken) -> float:

@@ -42,9 +42,9 @@ class LaterCharges:
         self._policy, self._info, self._problem = policy, info, problem
         self._shares: dict[tuple[tuple[int, ...], int], float] = {}
 
-    def gated(self, step: Step, landed_s: float, soc: float, member: int | None = None) -> Gated:
-        """Check a leg after a landing, POSIX seconds, with a charge; no charge below that of the step is asked about."""
-        return self._gate(step, landed_s, soc, member).charged(step, step.charge)
+    def gated(self, step: Step, landed_s: float, soc: float) -> Gated:
+        """Check a leg in the expected wind after a landing, POSIX seconds, with a charge; no charge below that of the step is asked about."""
+        return self._gate(step, landed_s, soc, None).charged(step, step.charge)
 
     def _gate(self, step: Step, landed_s: float, soc: float, member: int | None) -> DepartureGate:
         p = self._problem
@@ -54,10 +54,10 @@ class LaterCharges:
 
     def charge(self, step: Step, landed_s: float, soc: float, member: int | None = None) -> float | None:
         """Charge that a leg most probably leaves with: what its check asks for, and what lets it be flown on over stations; None: no charge opens it."""
-        required = self.gated(step, landed_s, soc, member).soc
+        gate = self._gate(step, landed_s, soc, member)
+        required = gate.charged(step, step.charge).soc
         if required is None or not step.last:
             return required
-        gate = self._gate(step, landed_s, soc, member)
         return min(max(required, gate.through_soc(replace(step, charge=max(step.charge, required)))), 1.0)
 
     def share(self, step: Step, landed_s: float, soc: float) -> float:

@@ -121,7 +121,7 @@ def told_plan(
         try:
             bare, itinerary = _with_later(seen, step, first, required) if whole else ((first,), (first,))
             member, course = typical_member(p, itinerary)
-            flown = outcome(p, *_simulated(p, bare, itinerary, errors, required))
+            flown = outcome(p, *_simulated(p, bare, course, errors, required))
             result = replace(flown, arrival_s=flown.arrival_s + parameters.manoeuvres_s * len(itinerary))
             return compose(p, itinerary, course, member, result, planner="online", planning_time_s=0.0)
         except (InfeasibleError, AuditError):
@@ -130,15 +130,18 @@ def told_plan(
 
 
 def _simulated(
-    p: Problem, bare: Itinerary, itinerary: Itinerary, errors: Errors, required: Required
+    p: Problem, bare: Itinerary, course: NDArray[np.float64], errors: Errors, required: Required
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Schedules of simulated deliveries, and their weights: in each group of winds later legs leave with what is required in the middle one."""
+    """Schedules of simulated deliveries, and their weights: in each group of winds later legs leave with what is required in the middle one.
+
+    Without a later leg there is one group. The typical `course` tells when the last leg begins.
+    """
     runs = p.parameters.online.told_queues * len(p.probability)
-    if len(itinerary) == 1:
-        flown = simulate_fixed(p, itinerary, errors, runs)
+    if len(bare) == 1:
+        flown = simulate_fixed(p, bare, errors, runs)
         return flown.schedule, flown.weight
     schedules, weights = [], []
-    for middle, members in _alike(p, itinerary):
+    for middle, members in _alike(p, bare[-1], float(course[-2, TOUCH_DOWN])):
         flown = simulate_fixed(p, _with_required(p, bare, required, middle)[0], errors, runs)
         own = np.isin(flown.member, members)
         schedules.append(flown.schedule[own])
@@ -146,11 +149,9 @@ def _simulated(
     return np.concatenate(schedules), np.concatenate(weights)
 
 
-def _alike(p: Problem, itinerary: Itinerary) -> list[tuple[int, NDArray[np.int64]]]:
-    """Members in groups of about the same probability, by the wind speed on the last leg; each with its middle one."""
-    _, course = typical_member(p, itinerary)
-    slot, last = slot_of(p.air, float(course[-2, TOUCH_DOWN])), list(itinerary[-1].segments)
-    weight = p.air.weight[last].mean(axis=0)
+def _alike(p: Problem, leg: Leg, time_s: float) -> list[tuple[int, NDArray[np.int64]]]:
+    """Members in groups of about the same probability, by the wind speed on a leg at a time, POSIX seconds; each with its middle one."""
+    slot, weight = slot_of(p.air, time_s), p.air.weight[list(leg.segments)].mean(axis=0)
     speed = np.hypot(p.air.north[:, slot] @ weight, p.air.east[:, slot] @ weight)
     order = np.argsort(speed, kind="stable")
     share = (np.cumsum(p.probability[order]) - 0.5 * p.probability[order]) / p.probability.sum()

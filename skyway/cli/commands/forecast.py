@@ -185,16 +185,23 @@ def _usable(world: Scenario, seen: list[WindObservation], depart_s: float) -> li
     """Return the measurements that count: none after the departure, none old, none far; the others are reported."""
     from skyway.models.wind.observed.conditioning import FUTURE_S
 
-    late = [one for one in seen if one.time_s > depart_s + FUTURE_S]
-    old = [one for one in seen if depart_s - one.time_s > 3600.0 * OLDEST_H]
-    timely = [one for one in seen if one not in late and one not in old]
-    far = [one for one in timely if _distance_m(world, one) > log_options.FAR_M]
-    away = f"more than {distance_text(log_options.FAR_M)} from every wind site"
-    reasons = ((late, "after the departure"), (old, f"more than {OLDEST_H:g} h before the departure"), (far, away))
-    for left_out, reason in reasons:
-        if left_out:
-            typer.echo(f"skyway: {counted(len(left_out), 'measurement')} {reason}: ignored", err=True)
-    return [one for one in timely if one not in far]
+    late, old = "after the departure", f"more than {OLDEST_H:g} h before the departure"
+    far = f"more than {distance_text(log_options.FAR_M)} from every wind site"
+    kept: list[WindObservation] = []
+    left_out = dict.fromkeys((late, old, far), 0)
+    for one in seen:
+        if one.time_s > depart_s + FUTURE_S:
+            left_out[late] += 1
+        elif depart_s - one.time_s > 3600.0 * OLDEST_H:
+            left_out[old] += 1
+        elif _distance_m(world, one) > log_options.FAR_M:
+            left_out[far] += 1
+        else:
+            kept.append(one)
+    for reason, count in left_out.items():
+        if count:
+            typer.echo(f"skyway: {counted(count, 'measurement')} {reason}: ignored", err=True)
+    return kept
 
 
 def _at_sites(world: Scenario, ensemble: WindEnsemble) -> WindEnsemble:
