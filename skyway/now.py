@@ -107,12 +107,13 @@ def condition_forecast(
     observed: Observations,
     depart: datetime,
     *,
+    analogue: bool = True,
     must_count: bool = True,
     parameters: PlannerParameters = USUAL,
 ) -> KnownWind:
     """Condition a forecast on what was observed before a departure.
 
-    `forecast` gives it from an instant on, for so many hours. Where nothing that was handed over counts, an `InputError` says why, or,
+    `forecast` gives it from an instant on, for so many hours; `analogue` tells whether it consists of days of the record. Where nothing that was handed over counts, an `InputError` says why, or,
     without `must_count`, the notes do.
     """
     chosen = counted(observed.winds, scenario.wind_sites, depart.timestamp())
@@ -125,7 +126,7 @@ def condition_forecast(
         notes += ("the observed wind is of a time still to come: the promise holds if the wind is so then",)
     found, doubts = conditioned(
         forecast, chosen.winds, depart, HORIZON_H, exponent=scenario.rules.wind_profile_exponent,
-        residual=ResidualModel(tau_s=parameters.online.residual_tau_s), members=parameters.robust.members,
+        residual=ResidualModel(tau_s=parameters.online.residual_tau_s), members=parameters.robust.members, analogue=analogue,
     )  # fmt: skip
     return KnownWind(found, tuple(_wind_condition(one, depart) for one in chosen.winds), (*notes, *doubts))
 

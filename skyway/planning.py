@@ -139,11 +139,12 @@ class Conditions:
             remedy = "give the forecast, too; for a scenario's own: [forecast] error"
             raise InputError("goes with --forecast", field="--forecast-error", remedy=remedy)
         by_record = self.wind is None and not self.forecast
+        analogue = by_record and not scenario.has_forecast and (scenario.history is not None or true is None)
         of_scenario = self.for_now and by_record and not self.observed
         given = scenario.observed_wind if of_scenario else tuple(self.observed or ())
 
         def forecast(begin: datetime, hours: int) -> WindEnsemble:
-            if by_record and not scenario.has_forecast and (scenario.history is not None or true is None):
+            if analogue:
                 return scenario.forecast(begin, hours, truth=day)
             if begin < depart and self.forecast:
                 try:  # observations before the departure are compared with the wind of their hour, where the forecast has it
@@ -158,7 +159,8 @@ class Conditions:
             alone = of_scenario and true is None and not scenario.has_forecast
             return KnownWind(forecast(depart, HORIZON_H), (), (HOW,) if alone else self._unused(scenario)), true
         found = observed_winds(scenario, given, min(self.instant, depart), missing_ok=of_scenario)
-        return condition_forecast(scenario, forecast, found, depart, must_count=not of_scenario), true
+        known = condition_forecast(scenario, forecast, found, depart, analogue=analogue, must_count=not of_scenario)
+        return known, true
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -3,6 +3,7 @@
 Random orders in New York or Melbourne, each on held-out days of the record. On each day it is planned twice: from the season's other days alone, and
 conditioned on what the airports had published by the departure (observed at minute 51 of the hour, out five minutes later; no look ahead).
 Both plans are flown in the true wind of the day, by the product's out-of-sample evaluation and in worlds of `benchmarks.independent`.
+With `--minute` orders leave so many minutes past the hour, and the wind is observed at the airports at that moment: on the straight line between their reports.
 
     python -m benchmarks.tables.weather_of_now --requests 64 --days 2 --out flown.jsonl
 """
@@ -24,6 +25,7 @@ from benchmarks.independent.delivery import DELIVERED, deliver
 from benchmarks.independent.product import planning, policies
 from benchmarks.independent.study import Study, orders
 from benchmarks.independent.verdict import RESERVE
+from benchmarks.independent.weather.series import lines
 from benchmarks.independent.worlds import worlds
 from skyway.planner.evaluation.evaluate import fly_charging, sample_realizations
 from skyway.planner.evaluation.statistics import DayBootstrap, Estimate
@@ -55,17 +57,35 @@ def published(city: City, order: Order, shift_s: float) -> dict[str, tuple[float
     return found
 
 
-def flown(study: Study, named: Sequence[World], *, drop: int = 0) -> Iterator[dict[str, Any]]:
+def observed(city: City, order: Order, shift_s: float) -> dict[str, tuple[float, float, float]] | None:
+    """The wind at each site at the departure, on the straight line between its reports, in the form of `published`; None where that is."""
+    if published(city, order, shift_s) is None:
+        return None
+    now_s = np.array([order.depart_s + shift_s])
+    metars = [site.as_metars() for site in city.sites]
+    winds = {one.id: lines(one.time_s, one.wind, now_s)[0].tolist() for one in metars}
+    return {name: (order.depart_s, north, east) for name, (north, east) in winds.items()}
+
+
+def leaving(order: Order, minute: int) -> Order:
+    """Return an order that leaves at a minute of its hour."""
+    return replace(order, depart_s=order.depart_s // 3600.0 * 3600.0 + 60.0 * minute)
+
+
+def flown(
+    study: Study, named: Sequence[World], *, drop: int = 0, minute: int | None = None
+) -> Iterator[dict[str, Any]]:
     """Plan and fly; a document for each order, day and arm."""
     city = planning.city(study.city)
-    for order in orders(study):
+    known = published if minute is None else observed
+    for order in (one if minute is None else leaving(one, minute) for one in orders(study)):
         if order.seed < drop:
             continue
         days = planning.days_for(study.city, order, study.days, study.seed)
         alone = planning.planned(study.city, order, days)
         for day in days:
             shift = planning.shift_s(study.city, order, day)
-            reports = published(city, order, shift)
+            reports = known(city, order, shift)
             if alone is None or reports is None:
                 continue
             now = planning.planned(study.city, order, days, reports=reports)
@@ -152,6 +172,13 @@ def main() -> int:
     parser.add_argument(
         "--runs", type=int, default=5, help="deliveries a day in each world; 40 times as many out of sample"
     )
+    parser.add_argument(
+        "--minute",
+        type=int,
+        choices=range(60),
+        metavar="0..59",
+        help="of the hour, at which the wind is observed and orders leave",
+    )
     parser.add_argument("--worlds", default="ours,weather,all")
     parser.add_argument("--seed", type=int, default=83)
     parser.add_argument("--out", type=Path, required=True, help="JSON lines, one for each order, day and arm")
@@ -167,7 +194,7 @@ def main() -> int:
     begun = max((one["order"] for one in found), default=0)
     found = [one for one in found if one["order"] < begun]  # the last may be incomplete
     options.out.write_text("".join(json.dumps(one) + "\n" for one in found), encoding="utf-8")
-    for document in flown(study, named, drop=begun):
+    for document in flown(study, named, drop=begun, minute=options.minute):
         found.append(document)
         with options.out.open("a", encoding="utf-8") as file:
             file.write(json.dumps(document) + "\n")

@@ -38,6 +38,8 @@ LEAST_MEMBERS = 30.0
 SAME_S, SAME_MPS = 60.0, 0.3
 """Two winds of a station at one time that differ by no more are one report, rounded in two ways."""
 DOUBT_SIGMAS = 4.0
+END_OF_HOUR_S = 600.0
+"""An observation in the last part of an hour, of this length, is of this hour of a record; an earlier one is of the hour before."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -128,6 +130,7 @@ def conditioned(
     exponent: float,
     residual: ResidualModel,
     members: int,
+    analogue: bool = True,
 ) -> tuple[WindEnsemble, tuple[str, ...]]:
     """Condition a forecast on the chosen observations.
 
@@ -145,6 +148,8 @@ def conditioned(
         Model of the difference between wind and forecast, and its duration.
     members : int
         Number of members kept, the most probable ones.
+    analogue : bool
+        Whether the members are days of a record, with one wind an hour; false for a forecast of these hours.
 
     Returns
     -------
@@ -156,9 +161,10 @@ def conditioned(
     if not winds:
         return forecast(depart, hours), ()
     depart_s = depart.timestamp()
-    begin_s = min([depart_s, *(one.observation.time_s for one in winds)])
+    seen = [of_an_hour(one.observation) if analogue else one.observation for one in winds]
+    begin_s = min([depart_s, *(one.time_s for one in seen)])
     before = forecast(from_posix(begin_s), hours + int(np.ceil((depart_s - begin_s) / 3600.0)))
-    level = [one.observation.at_height(before.height_m, exponent) for one in winds]
+    level = [one.at_height(before.height_m, exponent) for one in seen]
     after = update_forecast(before, level, residual, slot_s=before.slot_s, least_members=LEAST_MEMBERS)
     notes = []
     if 1 < len(winds) <= 50:
@@ -176,6 +182,12 @@ def conditioned(
         east=after.east[:, first:last],
     )
     return cut.most_probable(members), tuple(notes)
+
+
+def of_an_hour(seen: WindObservation) -> WindObservation:
+    """Return an observation at a time within the hour of a record that it is compared with, in hours of the clock (UTC)."""
+    into_s = seen.time_s % 3600.0
+    return seen if into_s >= 3600.0 - END_OF_HOUR_S else replace(seen, time_s=seen.time_s - into_s - 1.0)
 
 
 def _sigmas(ensemble: WindEnsemble, seen: WindObservation) -> float:

@@ -2,7 +2,7 @@
 
 import math
 from dataclasses import replace
-from datetime import UTC, datetime
+from datetime import UTC, datetime, timedelta
 
 import numpy as np
 import pytest
@@ -39,10 +39,11 @@ def ensemble(members, hours, *, seed=1, sites=SITES):
     return WindEnsemble(*place, DEPART_S - 3600.0, 3600.0, north, east, even, labels, 10.0)
 
 
-def given_now(base, winds, *, hours=6, members=10_000, exponent=0.2, residual=RESIDUAL):
+def given_now(base, winds, *, depart=DEPART, hours=6, members=10_000, exponent=0.2, residual=RESIDUAL, analogue=True):
     found, notes = conditioned(
-        lambda _begin, _hours: base, winds, DEPART, hours, exponent=exponent, residual=residual, members=members
-    )
+        lambda _begin, _hours: base, winds, depart, hours, exponent=exponent, residual=residual, members=members,
+        analogue=analogue,
+    )  # fmt: skip
     return found, notes
 
 
@@ -113,6 +114,29 @@ def test_height_is_carried_by_the_profile():
     )
     low, carried = given_now(base, [wind()])[0], given_now(base, [high])[0]
     np.testing.assert_allclose(carried.east, low.east, atol=1e-9)
+
+
+@pytest.mark.parametrize(("minute", "of_next_hour"), [(0, False), (5, False), (49, False), (50, True), (59, True)])
+def test_a_wind_observed_early_in_an_hour_does_not_tell_the_rest_of_it(minute, of_next_hour):
+    base = ensemble(400, 9)  # from 17:00
+    depart = DEPART + timedelta(minutes=minute)
+    seen = wind(before_s=-60.0 * minute, north=1.0, east=3.0)
+    found, _ = given_now(base, [seen], depart=depart)
+
+    def spread(slot):
+        values = found.east[:, slot, 0]
+        return math.sqrt(found.probability @ (values - found.probability @ values) ** 2)
+
+    # members change by 1 m/s a component from hour to hour
+    assert spread(0) == pytest.approx(0.5 if of_next_hour else 1.1, abs=0.15)
+    assert spread(1) == pytest.approx(1.1 if of_next_hour else 1.5, abs=0.15)
+    # a forecast of these hours is compared with the hour itself
+    of_day, _ = given_now(base, [seen], depart=depart, analogue=False)
+    if of_next_hour:
+        np.testing.assert_array_equal(of_day.east, found.east)
+    else:
+        assert of_day.probability @ of_day.east[:, 0, 0] == pytest.approx(3.0, abs=0.5)
+        assert of_day.probability @ (of_day.east[:, 0, 0] - 3.0) ** 2 < 0.5
 
 
 # Which count
