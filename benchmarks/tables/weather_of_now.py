@@ -187,6 +187,9 @@ def main() -> int:
     )
     options = parser.parse_args()
     known = worlds(tuple(site.id for site in planning.city(options.city).sites))
+    unknown = [name for name in options.worlds.split(",") if name not in known]
+    if unknown:
+        parser.error(f"no such world: {', '.join(unknown)}; there are {', '.join(known)}")
     named = [known[name] for name in options.worlds.split(",")]
     study = Study(options.city, "robust", options.requests, options.days, options.runs, options.seed)
     started = time.perf_counter()
