@@ -10,8 +10,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from skyway.models.base.errors import InfeasibleError
+from skyway.models.base.errors import Fault, InfeasibleError, InputError
 from skyway.models.base.units import S_PER_MIN
+from skyway.models.base.views import counted
 from skyway.planner.evaluation.decisions import fly_policy
 from skyway.planner.evaluation.flights import (
     DELIVERED,
@@ -28,6 +29,7 @@ from skyway.planner.evaluation.policies import OpenLoop, Policy, Rolling, Standi
 from skyway.planner.evaluation.realizations import (
     Realizations,
     check_held_out,
+    check_same_request,
     held_out_forecast,
     sample_realizations,
     season_days,
@@ -35,6 +37,8 @@ from skyway.planner.evaluation.realizations import (
 from skyway.planner.evaluation.statistics import USUAL, DayBootstrap, Estimate
 from skyway.planner.plan import plan
 from skyway.planner.problem.error_model import NO_ERRORS, Errors
+from skyway.planner.problem.kernel_inputs import check_shape
+from skyway.planner.registry import CLAIRVOYANT_PLANNERS
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -109,7 +113,7 @@ class Evaluation:
 
     def summary(self) -> str:
         """Figures for people, a line each; times in minutes, intervals in brackets."""
-        lines = [f"{self.planner}: {self.runs:,} simulated deliveries on {self.days} days"]
+        lines = [f"{self.planner}: {self.runs:,} simulated deliveries on {counted(self.days, 'day')}"]
         minutes = {
             "delivery mean": self.mean_s,
             "delivery p50": self.p50_s,
@@ -130,7 +134,7 @@ class Evaluation:
             )
         if self.clairvoyant_runs:
             regret = self.regret.scaled(100.0).text()
-            lines.append(f"  {'above best':<16} {regret} % (clairvoyant, {self.clairvoyant_runs} runs)")
+            lines.append(f"  {'above clairvoyant':<17}{regret} % ({self.clairvoyant_runs} runs)")
         if self.planning_s:
             middle, most = 1000.0 * float(np.median(self.planning_s)), 1000.0 * max(self.planning_s)
             lines.append(f"  {'planning':<16} {middle:.1f} ms median, {most:.1f} ms at most")
@@ -184,14 +188,17 @@ def evaluate(
     Raises
     ------
     InputError
-        The plan's forecast contains a day of the realizations.
+        The plan's forecast contains a day of the realizations, they are of another request, or `clairvoyant_s` is of
+        other runs.
     """
+    check_same_request(realizations, result.problem.request)
     check_held_out(realizations, result.problem.ensemble)
     drone = result.composition.drone
     flying = result.itinerary if result.robust is None else result.robust.policy
     flown = fly_parts(realizations, drone, flying, workers=workers, cluster=cluster, told=told)
     flown = flown.judged(result.outcome, result.problem.depart_s)
     if clairvoyant_s is not None:
+        check_shape("clairvoyant_s", clairvoyant_s, (len(realizations),))
         flown = replace(flown, clairvoyant_s=clairvoyant_s)
     replicates = result.problem.parameters.evaluation.replicates
     return summarise(result.composition.planner, flown, (result.planning_time_s,), seed=seed, replicates=replicates)
@@ -242,10 +249,16 @@ def clairvoyant_times(
 ) -> tuple[NDArray[np.float64], float, int]:
     """Delivery times of a planner that has perfect information of some runs: hourly wind and queues, not gusts.
 
-    The planner is one of `planner.registry.CLAIRVOYANT_PLANNERS`. Each plan is cut off after `time_limit_s`; it is no
-    bound then and counts as unknown. Returns the delivery times, s, shape (runs of the realizations,), NaN where
+    The planner is one of `planner.registry.CLAIRVOYANT_PLANNERS` (others are an `InputError`, and so is a run that is not
+    there). Each plan is cut off after `time_limit_s`; it is no bound then and counts as unknown. Returns the delivery times, s, shape (runs of the realizations,), NaN where
     unknown or without a route; the planning time, s, all together; and how many plans were cut off.
     """
+    if planner not in CLAIRVOYANT_PLANNERS:
+        remedy = f"one of {', '.join(CLAIRVOYANT_PLANNERS)}"
+        raise InputError(Fault("has no perfect information", field="planner", value=planner, remedy=remedy))
+    absent = next((run for run in runs if not 0 <= run < len(realizations)), None)
+    if absent is not None:
+        raise InputError(Fault("no such run", field="runs", value=absent, remedy=f"0 to {len(realizations) - 1}"))
     found = np.full(len(realizations), np.nan)
     cut_off = 0
     started = time.perf_counter()

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from skyway.models.queues.paths import pack
+from skyway.planner.problem.kernel_inputs import check_whole
 from skyway.planner.schedule.itinerary import fly_as_it_stands, place_nodes, stop_nodes
 from skyway.planner.schedule.schedule_kernels import SOC_LANDING, SOC_TAKE_OFF, TAKE_OFF, TOUCH_DOWN
 
@@ -92,15 +93,20 @@ def pooled(parts: Sequence[Flown]) -> Flown:
 
 
 def fly_itinerary(realizations: Realizations, drone: str, itinerary: Itinerary) -> Flown:
-    """Fly a fixed itinerary in all realizations."""
+    """Fly a fixed itinerary in all realizations.
+
+    Raises an `InputError` if it does not lead from the origin of their request to its destination.
+    """
     problem = realizations.problem(drone)
+    check_whole(problem, itinerary)
     runs = np.arange(len(realizations))
     return tally(problem, itinerary, realizations.block, schedules(realizations, problem, itinerary, runs))
 
 
 def fly_charging(realizations: Realizations, drone: str, policy: ChargePolicy) -> Flown:
-    """Fly a route that charges by what is known at each stop in all realizations."""
+    """Fly a route that charges by what is known at each stop in all realizations; refuses what `fly_itinerary` refuses."""
     problem = realizations.problem(drone)
+    check_whole(problem, policy.itinerary)
     disturbance, paths = _met(realizations, problem, policy.itinerary, np.arange(len(realizations)))
     schedule, _ = policy.fly(problem, disturbance, realizations.day, paths)
     return tally(problem, policy.itinerary, realizations.block, schedule)

@@ -188,11 +188,17 @@ def sample_realizations(
     Raises
     ------
     InputError
-        No day, no run, or a day that the record does not hold.
+        No day, no run, a day twice, a day that the record does not hold, or a seed below 0.
     """
-    if not days or runs < len(days):
-        remedy = "at least one run of each day"
-        raise InputError(Fault("too few", field="runs" if days else "days", value=runs, remedy=remedy))
+    if not days:
+        raise InputError(Fault("no day of the record to fly on", field="days", remedy="at least one"))
+    if runs < len(days):
+        remedy = f"at least {len(days)}: one on each day"
+        raise InputError(Fault("too few", field="runs", value=runs, remedy=remedy))
+    twice = next((day for number, day in enumerate(days) if day in days[:number]), None)
+    if twice is not None:
+        raise InputError(Fault("names a day twice, which would count its runs twice", field="days", value=twice))
+    _check_seed(seed)
     winds = [scenario.truth(day, request.state.time, HORIZON_H) for day in days]
     day = np.arange(runs) % len(days)
     replicate = np.arange(runs) // len(days)
@@ -212,6 +218,12 @@ def sample_realizations(
         gust_key=key,
         errors=errors,
     )
+
+
+def _check_seed(seed: int) -> None:
+    """Refuse what no random stream can begin with."""
+    if not isinstance(seed, int | np.integer) or seed < 0:
+        raise InputError(Fault("out of range", field="seed", value=seed, remedy="a whole number, 0 or more"))
 
 
 def _vehicles(days: Sequence[date], day: NDArray[np.int64], seed: int) -> tuple[NDArray[np.uint64], NDArray[np.uint64]]:
@@ -249,9 +261,13 @@ def held_out_forecast(scenario: Scenario, request: Request, days: Sequence[date]
 
 
 def season_days(scenario: Scenario, request: Request, count: int, *, seed: int = 0) -> tuple[date, ...]:
-    """Draw held-out days of the request's season, at least the planning horizon apart; fewer where no more fit."""
+    """Draw held-out days of the request's season, at least the planning horizon apart; fewer where no more fit.
+
+    Raises an `InputError` if the scenario has no record, or for a seed below 0.
+    """
     from datetime import date as date_
 
+    _check_seed(seed)
     labels = held_out_forecast(scenario, request, ()).labels
     rng = np.random.default_rng((seed, _VEHICLE))
     apart = -(-HORIZON_H // 24)
@@ -261,6 +277,29 @@ def season_days(scenario: Scenario, request: Request, count: int, *, seed: int =
         if len(chosen) < count and all(abs((day - other).days) >= apart for other in chosen):
             chosen.append(day)
     return tuple(sorted(chosen))
+
+
+def check_same_request(realizations: Realizations, request: Request) -> None:
+    """Raise an `InputError` where the plan of a request cannot be judged in realizations of another delivery.
+
+    The reserve, the planner's seed and what becomes of the drone afterwards may differ.
+    """
+    mine = realizations.request
+    wanted = {
+        "state.station": (request.state.station, mine.state.station),
+        "state.time": (request.state.time, mine.state.time),
+        "state.soc": (request.state.soc, mine.state.soc),
+        "destination": (request.destination, mine.destination),
+        "payload_kg": (request.payload_kg, mine.payload_kg),
+        "airspeed_mps": (request.airspeed_mps, mine.airspeed_mps),
+    }
+    faults = [
+        Fault("differs between the plan and the realizations", field=name, value=planned, remedy=f"sample realizations of the plan's request, not of {sampled}")
+        for name, (planned, sampled) in wanted.items()
+        if planned != sampled
+    ]  # fmt: skip
+    if faults:
+        raise InputError(faults)
 
 
 def check_held_out(realizations: Realizations, forecast: WindEnsemble) -> None:

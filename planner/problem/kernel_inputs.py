@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 
     from skyway.models.network.network import Network
     from skyway.models.queues.paths import PackedPaths
+    from skyway.planner.problem.problem import Problem
     from skyway.planner.schedule.gust_kernels import Disturbance
     from skyway.planner.schedule.itinerary import Itinerary
 
@@ -52,6 +53,23 @@ def check_itinerary(network: Network, itinerary: Itinerary) -> None:
             )
         if not leg.not_before_s < math.inf:
             raise InputError(Fault("is not a time", field=f"itinerary[{number}].not_before_s", value=leg.not_before_s))
+
+
+def check_whole(problem: Problem, itinerary: Itinerary) -> None:
+    """Refuse an itinerary that `check_itinerary` refuses, or that does not lead from the origin to the destination of a request."""
+    network = problem.network
+    check_itinerary(network, itinerary)
+    begin, end = int(network.tail[itinerary[0].segments[0]]), int(network.head[itinerary[-1].segments[-1]])
+    for verb, node, wanted in (("begins", begin, problem.origin), ("ends", end, problem.destination)):
+        if node != wanted:
+            raise InputError(
+                Fault(
+                    f"{verb} at another station than the request",
+                    field="itinerary",
+                    value=network.stations[node].id,
+                    remedy=network.stations[wanted].id,
+                )
+            )
 
 
 def check_runs(

@@ -287,10 +287,54 @@ def test_errors_out_of_range_and_truths_without_days_are_refused(newyork, reques
     assert len(caught.value.faults) == 2
     with pytest.raises(InputError, match="sd_within: out of range"):
         EnergyBelief(sd_within=-1.0)
-    with pytest.raises(InputError, match="too few"):
+    with pytest.raises(InputError, match="days: no day"):
         sample_realizations(newyork, request_, (), runs=5)
     with pytest.raises(InputError, match="too few"):
         sample_realizations(newyork, request_, days, runs=len(days) - 1)
+
+
+def test_an_itinerary_of_another_delivery_is_refused(realizations, planned):
+    whole = planned.itinerary
+    with pytest.raises(InputError, match="ends at another station than the request"):
+        fly_itinerary(realizations, "m200", whole[:-1])
+    with pytest.raises(InputError, match=r"begins at another station than the request .*; siuh-north"):
+        fly_itinerary(realizations, "m200", whole[1:])
+    with pytest.raises(InputError, match="has no flight"):
+        fly_itinerary(realizations, "m200", ())
+
+
+@pytest.mark.parametrize(
+    ("change", "field"),
+    [({"destination": "jacobi"}, "destination"), ({"payload_kg": 0.1}, "payload_kg"), ({"airspeed_mps": 12.0}, "airspeed_mps")],
+)  # fmt: skip
+def test_a_plan_is_not_judged_in_realizations_of_another_request(newyork, request_, days, planned, change, field):
+    other = sample_realizations(newyork, replace(request_, **change), days, runs=12)
+    with pytest.raises(InputError, match=f"{field}: differs between the plan and the realizations"):
+        evaluate(planned, other)
+
+
+def test_a_plan_that_keeps_a_larger_reserve_is_judged_against_the_realizations_own(newyork, request_, days):
+    forecast = held_out_forecast(newyork, request_, days)
+    careful = plan(newyork, replace(request_, reserve_soc=0.3, seed=4), planner="shortest", forecast=forecast)
+    assert evaluate(careful, sample_realizations(newyork, request_, days, runs=12)).runs == 12
+
+
+def test_seeds_days_and_runs_that_mean_nothing_are_one_clear_error(newyork, request_, days, realizations, planned):
+    for seed in (-1, 1.5):
+        with pytest.raises(InputError, match="seed: out of range"):
+            sample_realizations(newyork, request_, days, runs=12, seed=seed)
+        with pytest.raises(InputError, match="seed: out of range"):
+            season_days(newyork, request_, 3, seed=seed)
+    with pytest.raises(InputError, match="days: names a day twice"):
+        sample_realizations(newyork, request_, [days[0], days[1], days[0]], runs=12)
+    with pytest.raises(InputError, match=r"runs: too few \(got '3'\); at least 6: one on each day"):
+        sample_realizations(newyork, request_, days, runs=3)
+    with pytest.raises(InputError, match="planner: has no perfect information"):
+        clairvoyant_times(realizations, "m200", "pfs", [0])
+    with pytest.raises(InputError, match="runs: no such run"):
+        clairvoyant_times(realizations, "m200", "exact", [60])
+    with pytest.raises(InputError, match="clairvoyant_s: has the wrong shape"):
+        evaluate(planned, realizations, clairvoyant_s=np.ones(3))
 
 
 # -- policies -----------------------------------------------------------------------------------------------------------
