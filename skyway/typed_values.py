@@ -53,6 +53,7 @@ TYPED = {
     "release": "--release",
     "not_before": "--not-before",
     "flown_runs": "--as-flown",
+    "runs": "--runs",
     "planner": "--planner",
 }
 """Option behind each field that a fault may name."""
@@ -249,8 +250,9 @@ def true_wind(
 def check_planners(names: Sequence[str], option: str, among: Sequence[str] = PLANNERS) -> None:
     """Refuse names of planners that are not among some."""
     known = ", ".join(among)
+    informed = "has perfect information, which no forecast gives"
     faults = [
-        Fault("no such planner", field=option, value=name, remedy=f"one of {known}")
+        Fault(informed if name in PLANNERS else "no such planner", field=option, value=name, remedy=f"one of {known}")
         for name in names
         if name not in among
     ]

@@ -22,6 +22,21 @@ def test_every_simulated_delivery_is_counted_once(skyway, online):
     assert found["mean_s"]["low"] <= found["mean_s"]["value"] <= found["mean_s"]["high"]
 
 
+def test_the_figures_name_what_is_needed_to_repeat_them(skyway):
+    found = json.loads(skyway(*REQUEST, "--runs", "8", "--seed", "3", "--planner", "pfs", "--json").out)
+    assert (found["from"], found["to"], found["depart"], found["seed"]) == (
+        "bellevue",
+        "jacobi",
+        "2013-07-10T18:00:00Z",
+        3,
+    )
+    assert (found["drone"], found["payload_kg"], found["parameters"]) == ("m200", 0.8, {})
+    assert len(found["scenario"]["sha256"]) == 64
+    assert len(set(found["held_out"])) == 4
+    again = json.loads(skyway(*REQUEST, "--runs", "8", "--seed", "3", "--planner", "pfs", "--json").out)
+    assert {**found, "planning_s": 0} == {**again, "planning_s": 0}
+
+
 def test_the_plan_is_that_of_the_python_interface(skyway):
     from datetime import datetime
 
@@ -42,7 +57,13 @@ def test_the_plan_is_that_of_the_python_interface(skyway):
 @pytest.mark.parametrize(
     ("more", "told"),
     [
-        (["--planner", "exact"], "--planner: no such planner (got 'exact')"),
+        (
+            ["--planner", "exact"],
+            "--planner: has perfect information, which no forecast gives (got 'exact'); one of robust, ",
+        ),
+        (["--planner", "robst"], "--planner: no such planner (got 'robst')"),
+        (["--online", "--planner", "pfs"], "--planner: --online flies the online policy, not a plan (got 'pfs')"),
+        (["--runs", "3"], "--runs: too few (got '3'); at least 4: one on each day"),
         (["--days", "1"], "--days"),
         (["--runs", "0"], "--runs"),
         (["--to", "nowhere"], "--to"),

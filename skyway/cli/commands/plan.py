@@ -297,6 +297,8 @@ def evaluate(
     """
     from dataclasses import replace
 
+    from skyway.models.base.parameters import changed
+    from skyway.models.base.units import iso
     from skyway.planner.evaluation.evaluate import evaluate as evaluated
     from skyway.planner.evaluation.evaluate import summarise
     from skyway.planner.evaluation.parts import PART, fly_parts
@@ -305,6 +307,11 @@ def evaluate(
     from skyway.planner.plan import plan
 
     typed_values.check_planners([planner], "--planner", (ROBUST, *FORECAST_PLANNERS))
+    if online and planner != ROBUST:
+        remedy = "leave out one of them"
+        raise InputError(
+            "--online flies the online policy, not a plan", field="--planner", value=planner, remedy=remedy
+        )
     parameters = typed_values.planner_parameters(settings)
     where = Conditions(
         scenario=scenario, depart=depart, terrain=terrain, obstacles=obstacles, zones=zones, authorized=authorized
@@ -328,7 +335,15 @@ def evaluate(
             found = summarise("online policy", flown, replicates=parameters.evaluation.replicates)
         else:
             found = evaluated(result, realizations, workers=count, cluster=cluster, told=told)
-    typer.echo(found.to_json() if as_json else found.summary())
+    if not as_json:
+        typer.echo(found.summary())
+        return
+    asked_of = {
+        "scenario": {"path": world.path, "sha256": world.sha256}, "from": request.state.station, "to": request.destination,
+        "payload_kg": request.payload_kg, "drone": request.drone, "depart": iso(request.state.time), "seed": request.seed,
+        "held_out": [day.isoformat() for day in held_out], "parameters": changed(parameters, "planner"),
+    }  # fmt: skip
+    typer.echo(json_text(found.document() | asked_of, indent=1))
 
 
 def _sequences(labels_expanded: int, best_s: float) -> None:
