@@ -10,6 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from skyway.cli.commands.fleet.capacity_view import print_capacity
 from skyway.models.base.errors import InputError
 from skyway.models.base.geodesy import coarse_distance_m
 from skyway.models.compute.spreading import spread
@@ -122,6 +123,18 @@ def test_the_capacity_is_where_the_share_falls_below_the_level(scenario, study):
     assert np.isnan(find(lambda rate: 0.5, network=None).capacities[0].rate_per_h)
     beyond = find(lambda rate: 0.95, network=None).capacities[0]
     assert (beyond.rate_per_h, beyond.beyond) == (40.0, True)
+
+
+def test_a_capacity_beyond_the_highest_rate_has_no_upper_end(study, capsys):
+    def told(share):
+        found = find_capacity(study, [10, 40], [3600.0], [1], days=3, level=0.9, network=None, run=fake(share))
+        print_capacity(found, 1.0)
+        return capsys.readouterr().out
+
+    assert "1 drone, due 1 h after they are ready: 40.0 orders an hour or more (95 %: at least 40.0)." in told(
+        lambda rate: 0.95
+    )
+    assert "20.0 orders an hour (95 %: 20.0 to 20.0)." in told(lambda rate: 1.0 - 0.005 * rate)
 
 
 @settings(max_examples=25)

@@ -36,14 +36,14 @@ def print_capacity(found: CapacityFound, wall_s: float) -> None:
     sheet.show()
     say("")
     for capacity in found.capacities:
-        fleet = f"{capacity.drones} drone{'s' if capacity.drones != 1 else ''}, due {duration(capacity.promise_s)} after they are ready"
+        fleet = f"{counted(capacity.drones, 'drone')}, due {duration(capacity.promise_s)} after they are ready"
         if math.isnan(capacity.rate_per_h):
             say(f"{fleet}: {percent(found.level)} as promised is not reached even at the lowest rate.")
         else:
             more = " or more" if capacity.beyond else ""
-            say(
-                f"{fleet}: {capacity.rate_per_h:.1f} orders an hour{more} (95 %: {capacity.low_per_h:.1f} to {capacity.high_per_h:.1f})."
-            )
+            low = f"{capacity.low_per_h:.1f}"
+            between = f"at least {low}" if capacity.beyond else f"{low} to {capacity.high_per_h:.1f}"
+            say(f"{fleet}: {capacity.rate_per_h:.1f} orders an hour{more} (95 %: {between}).")
     if found.base is not None:
         say("")
         case = found.base.case
