@@ -1,26 +1,27 @@
-"""How good the planners are: the paper's experiment and ours; ``skyway bench planners`` runs the same."""
+"""How good the planners are: the paper's experiment and ours, as ``skyway bench planners`` runs them."""
 
 from __future__ import annotations
 
-import argparse
 import json
 import sys
 import time
 from dataclasses import dataclass, replace
-from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from benchmarks.cases.instances import FOLDER, NETWORKS, UTILISATIONS, read_instance
 from benchmarks.planners.paper import NODES, rows, run_experiment
 from benchmarks.planners.trials import COMPARED_RUNS, Asked, try_instance
 from benchmarks.tables import report
 from benchmarks.tables.figure import commit, machine
-from skyway.models.base.errors import Fault, InputError
+from skyway.models.base.errors import Fault, InputError, refuse
+from skyway.models.base.files import make_folder, read_text, write_atomically
 from skyway.models.base.parameters import changed
 from skyway.planner.parameters.planner import USUAL
+from skyway.planner.registry import PLANNERS
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Mapping, Sequence
+    from pathlib import Path
 
     from benchmarks.planners.paper import PaperRow, PaperRun
     from benchmarks.planners.trials import Row
@@ -64,9 +65,38 @@ FULL = Size(_files(NETWORKS, UTILISATIONS), 100, 20, NODES, 1000, 3.0)
 QUICK = Size(_files(("new-york", "geometric-100"), (0.5,)), 2, 10, (5, 10, 15, 20), 3, 0.5, compared=1)
 
 
+PAPER = "paper"
+"""Name of the paper's experiment beside those of the instances."""
+MAX_BYTES = 64_000_000
+"""Of a file of results."""
+
+
 def say(text: str) -> None:
     """Tell progress."""
     print(text, file=sys.stderr, flush=True)
+
+
+def chosen(size: Size, names: Sequence[str]) -> Size:
+    """Return the part of a benchmark that is named: by beginnings of names of instances, and `PAPER`; without names all of it.
+
+    Raises
+    ------
+    InputError
+        A name that nothing has.
+    """
+    if not names:
+        return size
+    stems = [file.stem for file in size.instances]
+    remedy = f"the beginning of one of {', '.join(stems)}; or {PAPER}"
+    refuse(
+        [
+            Fault("no such instance in this benchmark", field="--instance", value=name, remedy=remedy)
+            for name in names
+            if not name or (name != PAPER and not any(stem.startswith(name) for stem in stems))
+        ]
+    )
+    files = tuple(file for file in size.instances if file.stem.startswith(tuple(names)))
+    return replace(size, instances=files, nodes=size.nodes if PAPER in names else ())
 
 
 def run(
@@ -74,6 +104,7 @@ def run(
     out: Path,
     *,
     keep: bool = False,
+    force: bool = False,
     progress: Callable[[str], None] = say,
     parameters: PlannerParameters = USUAL,
     workers: int = 1,
@@ -90,7 +121,9 @@ def run(
     out : Path
         Folder.
     keep : bool
-        Instances that the folder's results hold are not run again.
+        Instances that the folder's results hold are not run again. They must have been measured with the same `conditions`.
+    force : bool
+        Without `keep`: results that the folder holds are replaced.
     progress : callable
         Told in words how far it is.
     parameters : PlannerParameters
@@ -101,16 +134,18 @@ def run(
     Raises
     ------
     InputError
-        The folder cannot be written, or an instance is not what was published.
+        The folder cannot be written, holds results that are to be kept but were measured otherwise, or results although
+        neither `keep` nor `force` is given; or an instance is not what was published.
     """
-    try:
-        out.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise InputError(Fault(f"cannot be made: {error.strerror}", str(out))) from None
+    make_folder(out, "--output")
     spread_over = {} if cluster is None and workers == 1 else {"workers": cluster or str(workers)}
-    results = Results(out, {"commit": commit()} | machine() | spread_over | changed(parameters, "planner"))
+    facts = {"commit": commit()} | machine() | spread_over | changed(parameters, "planner")
+    results = Results(out, facts, conditions(size, parameters))
     if keep:
         results.read()
+    elif results.path.exists() and not force:
+        remedy = "--resume continues them, --force replaces them; or name another folder: --output"
+        raise InputError("holds results already", str(results.path), remedy=remedy)
     if not results.runs and size.nodes:
         started = time.perf_counter()
         results.runs = run_experiment(
@@ -142,8 +177,21 @@ def run(
     table = out / "planners.md"
     names = [path.name for path in pictures]
     text = report.markdown(results.rows, results.paper, results.facts, results.skipped, names)
-    table.write_text(text, encoding="utf-8")
+    write_atomically(table, text, force=True)
     return [table, results.path, *pictures]
+
+
+def conditions(size: Size, parameters: PlannerParameters) -> dict[str, object]:
+    """Return what all results of a folder must have in common, besides commit and machine, which are named for each part."""
+    return {
+        "planners": list(PLANNERS),
+        "parameters": changed(parameters, "planner"),
+        "most_deliveries": size.deliveries,
+        "most_runs": size.runs,
+        "most_paper_runs": size.paper_runs,
+        "compared_runs": size.compared,
+        "time_limit_s": size.time_limit_s,
+    }
 
 
 class Results:
@@ -155,11 +203,14 @@ class Results:
         The folder.
     facts : dict of str to str
         Commit and machine.
+    conditions : dict
+        See `conditions`.
     """
 
-    def __init__(self, out: Path, facts: dict[str, str]) -> None:
+    def __init__(self, out: Path, facts: dict[str, str], conditions: dict[str, object]) -> None:
         self.path = out / "planners.json"
         self.facts = facts
+        self.conditions = conditions
         self.rows: list[Row] = []
         self.runs: list[PaperRun] = []
         self.skipped: list[str] = []
@@ -171,15 +222,38 @@ class Results:
         return rows(self.runs)
 
     def read(self) -> None:
-        """Take over what the file holds, if there is one; what is measured by another commit is told beside its own."""
-        try:
-            document = json.loads(self.path.read_text(encoding="utf-8"))
-        except FileNotFoundError:
+        """Take over what the file holds, if there is one; what is measured by another commit is told beside its own.
+
+        Raises
+        ------
+        InputError
+            It cannot be read, or was measured with other `conditions`.
+        """
+        if not self.path.exists():
             return
-        except (OSError, ValueError) as error:
-            raise InputError(Fault(f"cannot be read: {error}", str(self.path))) from None
-        self.rows, self.runs = report.read_rows(document), report.read_paper(document)
-        self._kept, self.facts = self.facts, document["machine"]
+        try:
+            document = json.loads(read_text(self.path, max_bytes=MAX_BYTES))
+        except json.JSONDecodeError as error:
+            raise InputError(f"is not JSON: {error}", str(self.path)) from None
+        self.rows, self.runs, facts, measured = report.read_results(document, str(self.path))
+        self._check_conditions(measured)
+        self._kept, self.facts = self.facts, facts
+
+    def _check_conditions(self, measured: Mapping[str, Any]) -> None:
+        remedy = "measure with the same options, or into another folder: --output"
+        refuse(
+            [
+                Fault(
+                    f"the results in this folder were not measured with {wanted}",
+                    str(self.path),
+                    field=f"conditions.{name}",
+                    value=measured.get(name, "nothing stated"),
+                    remedy=remedy,
+                )
+                for name, wanted in self.conditions.items()
+                if measured.get(name) != wanted
+            ]
+        )
 
     def add(self, found: list[Row], spent_s: float) -> None:
         """Take what was measured just now, and write all."""
@@ -192,8 +266,8 @@ class Results:
 
     def write(self) -> None:
         """Write all."""
-        found = report.document(self.rows, self.paper, self.runs, self.facts, self.skipped)
-        self.path.write_text(json.dumps(found, indent=1, allow_nan=False) + "\n", encoding="utf-8")
+        found = report.document(self.rows, self.paper, self.runs, self.facts, self.conditions, self.skipped)
+        write_atomically(self.path, json.dumps(found, indent=1, allow_nan=False) + "\n", force=True)
 
 
 def _draw(out: Path, found: list[Row], paper: list[PaperRow], progress: Callable[[str], None]) -> list[Path]:
@@ -207,24 +281,3 @@ def _draw(out: Path, found: list[Row], paper: list[PaperRow], progress: Callable
     from benchmarks.tables import pictures
 
     return pictures.draw(out, found, paper)
-
-
-def main() -> int:
-    """Run it from a command line."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--quick", action="store_true", help="half a minute instead of three quarters of an hour")
-    parser.add_argument("--out", type=Path, default=Path("out/bench"))
-    parser.add_argument("--keep", action="store_true", help="do not run again what the folder's results hold")
-    parser.add_argument("--instances", nargs="+", metavar="NAME", help="only those whose names begin so")
-    options = parser.parse_args()
-    size = QUICK if options.quick else FULL
-    if options.instances:
-        chosen = tuple(file for file in size.instances if file.stem.startswith(tuple(options.instances)))
-        size = replace(size, instances=chosen)
-    for path in run(size, options.out, keep=options.keep):
-        print(path)
-    return 0
-
-
-if __name__ == "__main__":
-    sys.exit(main())

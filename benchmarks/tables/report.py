@@ -122,12 +122,14 @@ def document(
     paper: Sequence[PaperRow],
     runs: Sequence[PaperRun],
     facts: Mapping[str, str],
+    conditions: Mapping[str, object],
     skipped: Sequence[str],
 ) -> dict[str, object]:
     """The same for a JSON file; times in seconds."""
     return {
         "schema": SCHEMA,
         "machine": dict(facts),
+        "conditions": dict(conditions),
         "rows": [row.document() for row in rows],
         "left_out": list(skipped),
         "paper": [vars(row) for row in paper],
@@ -135,25 +137,30 @@ def document(
     }
 
 
-def read_rows(document: Mapping[str, Any]) -> list[Row]:
-    """Rows of a JSON file of results.
+def read_results(document: Any, file: str) -> tuple[list[Row], list[PaperRun], dict[str, str], dict[str, Any]]:
+    """Rows, runs of the paper's experiment, machine and conditions of a JSON file of results (no conditions: an older file).
 
     Raises
     ------
     InputError
-        It is of another schema.
+        It is of another schema, or not what `document` makes.
     """
-    if document.get("schema") != SCHEMA:
-        raise InputError(Fault("is of another schema", field="schema", value=document.get("schema"), remedy=SCHEMA))
-    return [
-        Row(**one | {"whole": _evaluation(one["whole"]), "common": _evaluation(one["common"])})
-        for one in document["rows"]
-    ]
-
-
-def read_paper(document: Mapping[str, Any]) -> list[PaperRun]:
-    """Runs of the paper's experiment of a JSON file of results."""
-    return [PaperRun(**one) for one in document["paper_runs"]]
+    schema = document.get("schema") if isinstance(document, dict) else None
+    if schema != SCHEMA:
+        raise InputError(Fault("is of another schema", file, field="schema", value=schema, remedy=SCHEMA))
+    try:
+        rows = [
+            Row(**one | {"whole": _evaluation(one["whole"]), "common": _evaluation(one["common"])})
+            for one in document["rows"]
+        ]
+        runs = [PaperRun(**one) for one in document["paper_runs"]]
+        facts = {str(key): str(value) for key, value in document["machine"].items()}
+        spent_s = f"{float(facts.get('seconds', 0.0)):.0f}"
+        conditions = dict(document.get("conditions", {}))
+        return rows, runs, {"commit": "unknown"} | facts | {"seconds": spent_s}, conditions
+    except (KeyError, TypeError, ValueError, AttributeError) as error:
+        problem = f"is not a file of results: {type(error).__name__}: {error}"
+        raise InputError(problem, file, remedy="measure again with --force, or into another folder") from None
 
 
 def _evaluation(document: Mapping[str, Any] | None) -> Evaluation | None:

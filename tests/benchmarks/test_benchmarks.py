@@ -1,6 +1,7 @@
 """Benchmarks: small ones run, instances are what was published."""
 
 import json
+import re
 import subprocess
 import sys
 from dataclasses import replace
@@ -122,6 +123,67 @@ def test_a_small_benchmark_writes_table_results_and_figures(tmp_path, monkeypatc
     bench_planners.run(size, tmp_path / "out", keep=True, progress=told.append)
     assert not any("new-york-0.5" in line for line in told)
     assert json.loads((tmp_path / "out" / "planners.json").read_text())["rows"] == document["rows"]
+
+
+NOTHING = bench_planners.Size((), 2, 3, (), 1, 0.5)
+"""A benchmark without instances and without the paper's experiment."""
+
+
+def test_results_are_neither_replaced_nor_mixed_with_others_unasked(tmp_path, monkeypatch):
+    bench_planners.run(NOTHING, tmp_path, progress=quiet)
+    before = (tmp_path / "planners.json").read_bytes()
+    with pytest.raises(InputError, match="holds results already; --resume continues them, --force replaces them"):
+        bench_planners.run(NOTHING, tmp_path, progress=quiet)
+    with pytest.raises(InputError, match=r"conditions\.most_deliveries: .* \(got '2'\); measure with the same options"):
+        bench_planners.run(replace(NOTHING, deliveries=100), tmp_path, keep=True, progress=quiet)
+    fewer = with_settings(PlannerParameters(), ["robust.members=20"])
+    with pytest.raises(InputError, match=r"conditions\.parameters: the results in this folder were not measured with"):
+        bench_planners.run(NOTHING, tmp_path, keep=True, progress=quiet, parameters=fewer)
+    with monkeypatch.context() as patch:
+        patch.setattr(bench_planners, "PLANNERS", (*PLANNERS, "mine"))
+        with pytest.raises(InputError, match=r"conditions\.planners: .*'mine'"):
+            bench_planners.run(NOTHING, tmp_path, keep=True, progress=quiet)
+    assert (tmp_path / "planners.json").read_bytes() == before
+    bench_planners.run(NOTHING, tmp_path, keep=True, progress=quiet)
+    bench_planners.run(replace(NOTHING, deliveries=100), tmp_path, force=True, progress=quiet)
+    assert json.loads((tmp_path / "planners.json").read_text())["conditions"]["most_deliveries"] == 100
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "",
+        "[]",
+        '{"schema": "skyway.benchmark-results/1"',
+        '{"schema": "skyway.benchmark-results/1"}',
+        '{"schema": "skyway.benchmark-results/1", "rows": [{}], "machine": {}, "paper_runs": []}',
+        '{"schema": "skyway.benchmark-results/1", "rows": [], "machine": {"seconds": "?"}, "paper_runs": []}',
+        '{"schema": "skyway.benchmark-results/1", "rows": [], "machine": {}, "paper_runs": []}',
+    ],
+)
+def test_results_that_cannot_be_continued_are_one_error_and_stay(tmp_path, text):
+    file = tmp_path / "planners.json"
+    file.write_text(text)
+    with pytest.raises(InputError, match=re.escape(str(file))):
+        bench_planners.run(NOTHING, tmp_path, keep=True, progress=quiet)
+    assert file.read_text() == text
+
+
+def test_parts_of_the_benchmark_are_chosen_by_name(tmp_path):
+    full = bench_planners.FULL
+    one = bench_planners.chosen(full, ["new-york-0.5"])
+    assert [file.stem for file in one.instances] == ["new-york-0.5"]
+    assert one.nodes == ()
+    both = bench_planners.chosen(full, ["geometric-100-", "paper"])
+    assert len(both.instances) == 3
+    assert both.nodes == full.nodes
+    assert bench_planners.chosen(full, []) == full
+    for wrong in ("new-yrok", ""):
+        with pytest.raises(InputError, match="--instance: no such instance in this benchmark"):
+            bench_planners.chosen(full, ["paper", wrong])
+    (tmp_path / "file").write_text("")
+    with pytest.raises(InputError, match="--output: the folder cannot be made"):
+        bench_planners.run(NOTHING, tmp_path / "file", progress=quiet)
 
 
 def test_figures_are_left_out_where_there_is_nothing_to_draw(tmp_path):

@@ -26,8 +26,20 @@ def planners(
     out: Annotated[Path, typer.Option("--output", "-o", help="Folder for the table, figures and pictures.")] = Path(
         "out/bench"
     ),
+    instances: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--instance", help="Only instances whose names begin so, or paper: the paper's experiment; repeatable."
+        ),
+    ] = None,
     settings: options.Settings = None,
-    keep: Annotated[bool, typer.Option("--resume", help="Continue: keep the results that the folder holds.")] = False,
+    keep: Annotated[
+        bool,
+        typer.Option(
+            "--resume", help="Continue: keep the results that the folder holds, measured with the same options."
+        ),
+    ] = False,
+    force: Annotated[bool, typer.Option("--force", help="Replace the results that the folder holds.")] = False,
     workers: Annotated[
         int,
         typer.Option(
@@ -45,12 +57,16 @@ def planners(
     --------
       skyway bench planners --quick
       skyway bench planners --output results --resume
+      skyway bench planners --instance new-york-0.5 --instance paper --output results
       skyway bench planners --workers 8
     """
     parameters = typed_values.planner_parameters(settings)
     module = _benchmark()
-    size = module.QUICK if quick else module.FULL
-    for path in module.run(size, out, keep=keep, parameters=parameters, workers=workers, cluster=cluster):
+    size = module.chosen(module.QUICK if quick else module.FULL, instances or [])
+    written = module.run(
+        size, out, keep=keep, force=force, parameters=parameters, workers=workers, cluster=cluster
+    )  # fmt: skip
+    for path in written:
         typer.echo(str(path))
 
 
