@@ -5,8 +5,10 @@ import re
 import shutil
 import subprocess
 import sys
+import tomllib
 
 import pytest
+import yaml
 from command_reference import PAGE, page
 from docs_pages import ROOT, blocks, pages
 from docs_session import Reader, pages_before, reading_order, reasons_not_run
@@ -110,6 +112,18 @@ def test_links_between_pages_lead_somewhere(path):
     for target in re.findall(r"\]\(([^)#]+)[^)]*\)", path.read_text()):
         if not target.startswith(("http:", "https:", "mailto:")):
             assert (path.parent / target).exists(), target
+
+
+def test_the_citation_names_this_version_and_its_licence():
+    cited, project = (
+        yaml.safe_load((ROOT / "CITATION.cff").read_text()),
+        tomllib.loads((ROOT / "pyproject.toml").read_text())["project"],
+    )
+    assert cited["version"] == project["version"]
+    assert cited["license"] == project["license"]
+    assert [one["name"] for one in cited["authors"]] == [one["name"] for one in project["authors"]]
+    assert cited["repository-code"] == project["urls"]["Source"]
+    assert {"cff-version", "message", "title"} <= cited.keys()
 
 
 def test_pictures_of_the_documentation_are_small():
