@@ -14,7 +14,7 @@ import numpy as np
 from benchmarks.cases.loads import scaled_to
 from benchmarks.cases.melbourne import melbourne
 from benchmarks.cases.networks import geometric, new_york, random_pairs
-from skyway.models.base.errors import Fault, InputError
+from skyway.models.base.errors import Fault, InputError, refuse
 from skyway.models.base.units import iso
 from skyway.models.composition.composition import State
 from skyway.models.drones.energy_belief import EnergyBelief
@@ -167,24 +167,33 @@ def read_instance(path: Path) -> Instance:
         errors = values["errors"]
         values["errors"] = Errors(**{**errors, "energy": EnergyBelief(**errors["energy"])})
         values["deliveries"] = tuple(Delivery(**one) for one in values["deliveries"])
-        return Instance(**values)
+        instance = Instance(**values)
     except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
         if isinstance(error, InputError):
             raise
         raise InputError(Fault(f"is no benchmark instance: {error}", str(path))) from None
+    faults = [] if instance.deliveries else [Fault("has none", str(path), field="deliveries", remedy="at least one")]
+    for name, least in (("runs", 1), ("truth_seed", 0), ("network_seed", 0)):
+        number = getattr(instance, name)
+        if not isinstance(number, int) or number < least:
+            remedy = f"a whole number, {least} or more"
+            faults.append(Fault("out of range", str(path), field=name, value=number, remedy=remedy))
+    refuse(faults)
+    return instance
 
 
 def region(network: str, seed: int, utilisation: float, holding_spots: int = HOLDING_SPOTS) -> Scenario:
     """Scenario of a network's name, its load scaled, with so many holding spots at every station."""
-    if network.startswith("geometric-"):
-        base = geometric(int(network.removeprefix("geometric-")), seed)
+    stations = network.removeprefix("geometric-")
+    if stations != network and stations.isdecimal():
+        base = geometric(int(stations), seed)
     elif network in {"new-york", "melbourne"}:
         base = new_york() if network == "new-york" else melbourne()
     else:
         raise InputError(Fault("no such network", field="network", value=network, remedy=", ".join(NETWORKS)))
-    stations = tuple(replace(station, holding_spots=holding_spots) for station in base.network.stations)
+    waiting = tuple(replace(station, holding_spots=holding_spots) for station in base.network.stations)
     load = scaled_to(base.load, utilisation, base.network.pads)
-    return replace(base, network=replace(base.network, stations=stations), load=load)
+    return replace(base, network=replace(base.network, stations=waiting), load=load)
 
 
 def digest(scenario: Scenario) -> str:

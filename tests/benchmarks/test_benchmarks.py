@@ -13,6 +13,7 @@ import pytest
 ROOT = Path(__file__).resolve().parents[2]
 sys.path.append(str(ROOT))
 
+from benchmarks import __main__ as everything  # noqa: E402
 from benchmarks.cases.instances import FOLDER, make_instance, make_long, read_instance  # noqa: E402
 from benchmarks.cases.melbourne import melbourne  # noqa: E402
 from benchmarks.cases.networks import geometric, random_pairs  # noqa: E402
@@ -45,6 +46,29 @@ def test_a_figure_says_whether_its_target_is_met_and_by_how_much_it_is_missed():
     assert {"processor", "cores", "Python", "numpy", "numba"} <= set(machine())
 
 
+def test_all_benchmarks_keep_their_figures_and_say_when_one_could_not_be_completed(tmp_path, monkeypatch, capsys):
+    file = tmp_path / "figures.json"
+    monkeypatch.setattr(everything, "measured", lambda name: [Figure(name, 1.0)])
+    assert everything.main(["speed", "--json", str(file)]) == 0
+    document = json.loads(file.read_text())
+    assert document["machine"]["commit"]
+    assert [one["what"] for one in document["figures"]] == ["speed"]
+
+    def broken(name):
+        raise KeyboardInterrupt
+
+    monkeypatch.setitem(everything.SCRIPTS, "sim", ("no.such.module", []))
+    assert everything.main(["sim"]) == 1
+    assert "failed: " in capsys.readouterr().out
+    monkeypatch.setattr(everything, "measured", lambda name: broken(name) if name == "ies" else [Figure(name, 2.0)])
+    with pytest.raises(KeyboardInterrupt):
+        everything.main(["speed", "ies", "--json", str(file)])
+    assert [one["value"] for one in json.loads(file.read_text())["figures"]] == [2.0]
+    with pytest.raises(SystemExit):
+        everything.main(["speed", "--json", str(tmp_path / "nowhere" / "x.json")])
+    assert "--json: " in capsys.readouterr().err
+
+
 @pytest.mark.parametrize("name", ["new-york-0.7", "geometric-100-0.5", "geometric-1000-0.9"])
 def test_published_instances_are_what_their_seeds_make(name):
     published = read_instance(FOLDER / f"{name}.json")
@@ -67,6 +91,29 @@ def test_another_network_than_the_instances_is_refused(tmp_path):
     (tmp_path / "x.json").write_text("{}")
     with pytest.raises(InputError, match="no benchmark instance"):
         read_instance(tmp_path / "x.json")
+
+
+@pytest.mark.parametrize(
+    ("change", "told"),
+    [
+        ({"deliveries": []}, "deliveries: has none"),
+        ({"runs": 0}, "runs: out of range"),
+        ({"runs": "many"}, "runs: out of range"),
+        ({"truth_seed": -1}, "truth_seed: out of range"),
+        ({"more": 1}, "is no benchmark instance"),
+    ],
+)
+def test_an_instance_that_cannot_be_flown_is_one_error_that_names_the_file(tmp_path, change, told):
+    file = tmp_path / "x.json"
+    file.write_text(json.dumps(json.loads((FOLDER / "new-york-0.5.json").read_text()) | change))
+    with pytest.raises(InputError, match=re.escape(str(file)) + ".*" + told):
+        read_instance(file)
+
+
+def test_a_network_that_does_not_exist_is_refused():
+    for name in ("atlantis", "geometric-x", "geometric-", "geometric--5"):
+        with pytest.raises(InputError, match="no such network"):
+            replace(read_instance(FOLDER / "new-york-0.5.json"), network=name).scenario()
 
 
 def test_random_networks_are_the_same_from_the_same_seed_and_requests_can_be_flown():
