@@ -47,8 +47,9 @@ def parse_instant(text: str, *, field: str = "time", file: str | None = None) ->
     example = "write it as 2013-07-10T14:00-04:00 or 2013-07-10T18:00Z"
     try:
         instant = datetime.fromisoformat(text.strip())
-    except ValueError:
-        raise InputError("not an ISO 8601 time", file, None, field, text, example) from None
+    except ValueError as error:
+        reason = "" if "isoformat" in str(error) else f": {error}"
+        raise InputError(f"not an ISO 8601 time{reason}", file, None, field, text, example) from None
     if instant.tzinfo is None:
         raise InputError("the time has no UTC offset", file, None, field, text, example)
     return utc(instant)

@@ -357,18 +357,7 @@ def test_given_one_wind_no_planner_beats_the_exhaustive_search(skyway):
 
 
 def test_a_comparison_says_what_its_columns_are_of(skyway):
-    request = (
-        "--from",
-        "bellevue",
-        "--to",
-        "jacobi",
-        "--payload",
-        "0.8",
-        "--depart",
-        "2013-07-10T14:00-04:00",
-        "--drone",
-        "m200",
-    )
+    request = (*HOP, "--drone", "m200")
     drawn = skyway("compare", *request, "--planners", "pfs,exact").out
     plans = json.loads(skyway("compare", *request, "--planners", "pfs,exact", "--json").out)["plans"]
     runs = plans[0]["composition"]["arrival"]["runs"]

@@ -28,6 +28,13 @@ def test_an_instant_written_and_read_is_the_same_instant(instant):
     assert units.parse_instant(instant.isoformat()) == instant
 
 
+def test_a_day_that_does_not_exist_is_told_from_a_text_that_is_no_time():
+    with pytest.raises(InputError, match=r"not an ISO 8601 time: .*day.*month"):
+        units.parse_instant("2023-02-29T10:00+13:00")
+    with pytest.raises(InputError, match=r"not an ISO 8601 time \("):
+        units.parse_instant("tomorrow")
+
+
 @given(st.datetimes(**YEARS, timezones=OFFSETS))
 def test_inside_the_code_every_instant_is_utc(instant):
     assert units.utc(instant).tzinfo is UTC

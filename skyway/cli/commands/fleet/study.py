@@ -82,7 +82,8 @@ def capacity(
     fleets = [int(one) for one in numbers(drones, "--drones", 1.0, 10_000.0)]
     wanted = typed_values.percent(level, "--level")
     world = load_scenario(scenario)
-    model = world.drone(drone) if drone is not None else world.drones[0]
+    with typed_values.as_typed():
+        model = world.drone(drone) if drone is not None else world.drones[0]
     begin = typed_values.parse_depart(depart)
     with typed_values.named("--depart"):
         known = world.analogues(begin, HORIZON_H).labels
