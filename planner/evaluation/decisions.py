@@ -8,11 +8,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from skyway.models.base.errors import Fault, InputError
 from skyway.models.base.units import S_PER_H
 from skyway.models.flight.kernels import next_opening
 from skyway.planner.evaluation.flights import DELIVERED, GAVE_UP, Flown, pooled, schedules, tally
 from skyway.planner.evaluation.policies import Adaptive, Policy, Standing
 from skyway.planner.online.turn_back_kernels import out_or_back
+from skyway.planner.problem.kernel_inputs import check_itinerary
 from skyway.planner.problem.problem import HORIZON_H
 from skyway.planner.problem.request_checks import check_apart
 from skyway.planner.schedule.gust_kernels import gusty_land
@@ -46,13 +48,25 @@ def fly_policy(
     """Fly a policy in some realizations (all by default), run by run; also returns what it did in each.
 
     `watch` gets for each flight of an adaptive policy the means to fly it again in other gusts. Raises an `InputError` if
-    start and destination are the same.
+    start and destination are the same, or if the policy decides what no drone can do that stands where it is asked.
     """
     problem = realizations.problem(drone)
     check_apart(problem)
     chosen = np.arange(len(realizations)) if runs is None else runs
     done = [_Run(realizations, problem, run).fly(policy, watch) for run in chosen.tolist()]
     return pooled([flown for flown, _ in done]), [itinerary for _, itinerary in done]
+
+
+def _check_decided(problem: Problem, node: int, decided: object) -> None:
+    """Refuse a decision that is no flight from a node."""
+    if not isinstance(decided, Leg):
+        remedy = "return a planner.schedule.itinerary.Leg, or None"
+        raise InputError(Fault("is not a leg", field="decide", value=type(decided).__name__, remedy=remedy))
+    check_itinerary(problem.network, (decided,))
+    stations, begin = problem.network.stations, int(problem.network.tail[decided.segments[0]])
+    if begin != node:
+        remedy = f"{stations[node].id}, where the drone stands"
+        raise InputError(Fault("a leg begins elsewhere", field="decide", value=stations[begin].id, remedy=remedy))
 
 
 @dataclass(frozen=True)
@@ -119,6 +133,7 @@ class _Run:
                 decided = policy.decide(self._standing(stop_label, time_s, soc))
                 if decided is None:
                     break
+                _check_decided(problem, node, decided)
                 legs = (*legs, decided)
                 schedule = schedules(self.realizations, problem, legs, one)
             visited = (*visited, station)

@@ -34,7 +34,7 @@ from skyway.planner.plan import plan
 from skyway.planner.problem.problem import HORIZON_H
 from skyway.planner.problem.request import Request
 from skyway.planner.schedule.gust_kernels import GUST_STEP_S, LATERAL, MAX_DEVIATION, gust_at
-from skyway.planner.schedule.itinerary import fly_true
+from skyway.planner.schedule.itinerary import Leg, fly_true
 from skyway.planner.schedule.outcome import Outcome
 from skyway.planner.schedule.schedule_kernels import SOC_LANDING, TOUCH_DOWN
 from tests.plain_deviates import plain_normals
@@ -510,3 +510,23 @@ def test_processes_and_a_cluster_evaluate_the_very_same_deliveries(newyork, requ
         assert evaluate(result, realizations, cluster=cluster.scheduler_address).document() == alone
         spread_out = fly_parts(few, "m200", policy, cluster=cluster.scheduler_address)
         assert summarise("online", spread_out).document() == decided
+
+
+@pytest.mark.parametrize(
+    ("decided", "told"),
+    [
+        (lambda _: "yankee-stadium", r"decide: is not a leg \(got 'str'\)"),
+        (lambda network: Leg((int(network.first[0]),)), "decide: a leg begins elsewhere .* siuh-north, where the drone stands"),
+        (lambda _: Leg(()), "has no segments"),
+        (lambda network: Leg((len(network.tail),)), "is not a segment"),
+    ],
+)  # fmt: skip
+def test_a_policy_that_decides_what_no_drone_can_do_is_refused(newyork, realizations, decided, told):
+    assert newyork.network.stations[0].id != "siuh-north"
+
+    class Wrong:
+        def decide(self, _):
+            return decided(newyork.network)
+
+    with pytest.raises(InputError, match=told):
+        fly_policy(realizations, "m200", Wrong(), np.array([0]))
