@@ -11,6 +11,7 @@ import numpy as np
 from scipy.stats import t as student
 
 from benchmarks.fleet.bench_city import city
+from benchmarks.tables.arguments import real, whole
 from skyway.models.orders.fitting import Work, fit
 from skyway.models.orders.order import Order, Vehicle
 from skyway.planner.dispatch.dispatch import dispatch
@@ -65,11 +66,11 @@ def figures_of(plan: DispatchPlan) -> NDArray[np.float64]:
 def main() -> None:
     """Print a line for each figure: both means, and the mean difference with its 95 % interval."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--drones", type=int, default=6)
-    parser.add_argument("--orders", type=int, default=24)
-    parser.add_argument("--utilisation", type=float, default=0.3, help="of the pads, by strangers")
-    parser.add_argument("--iterations", type=int, default=300)
-    parser.add_argument("--draws", type=int, default=6)
+    parser.add_argument("--drones", type=whole(1), default=6)
+    parser.add_argument("--orders", type=whole(1), default=24)
+    parser.add_argument("--utilisation", type=real(0.0, 0.99), default=0.3, help="of the pads, by strangers")
+    parser.add_argument("--iterations", type=whole(0), default=300)
+    parser.add_argument("--draws", type=whole(2), default=6)
     options = parser.parse_args()
     found, spent_s = [], np.zeros(2)
     for seed in range(options.draws):

@@ -20,6 +20,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from benchmarks.cases.networks import new_york
+from benchmarks.tables.arguments import whole
 from benchmarks.tables.figure import Figure
 from skyway.models.base.errors import InfeasibleError
 from skyway.models.composition.composition import State
@@ -284,9 +285,9 @@ def measure(count: int = 30) -> list[Figure]:
 def main() -> int:
     """Measure from a command line; rows are written as they come."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--requests", type=int, default=60)
-    parser.add_argument("--days", type=int, default=6, help="held-out days of each request")
-    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--requests", type=whole(1), default=60)
+    parser.add_argument("--days", type=whole(1), default=6, help="held-out days of each request")
+    parser.add_argument("--seed", type=whole(0), default=1)
     parser.add_argument("--why", action="store_true", help="tell the parts of the gap")
     parser.add_argument(
         "--no-rolling", action="store_true", help="leave the rolling horizon out: it takes seconds a delivery"

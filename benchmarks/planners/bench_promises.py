@@ -20,6 +20,7 @@ import numpy as np
 from benchmarks.cases.loads import scaled_to
 from benchmarks.cases.networks import new_york
 from benchmarks.planners.bench_gap import DRONE, requests
+from benchmarks.tables.arguments import real, whole
 from benchmarks.tables.figure import Figure
 from skyway.models.base.errors import InfeasibleError
 from skyway.planner.evaluation.evaluate import (
@@ -178,12 +179,15 @@ def measure(count: int = 60) -> list[Figure]:
 def main() -> int:
     """Measure from a command line; results are written as they come."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--requests", type=int, default=300)
-    parser.add_argument("--days", type=int, default=6, help="held-out days of each request")
-    parser.add_argument("--runs", type=int, default=200, help="deliveries a day")
-    parser.add_argument("--seed", type=int, default=5000)
+    parser.add_argument("--requests", type=whole(1), default=300)
+    parser.add_argument("--days", type=whole(1), default=6, help="held-out days of each request")
+    parser.add_argument("--runs", type=whole(1), default=200, help="deliveries a day")
+    parser.add_argument("--seed", type=whole(0), default=5000)
     parser.add_argument(
-        "--utilisation", type=float, default=0.0, help="mean utilisation of pads; 0: the scenario's own"
+        "--utilisation",
+        type=real(0.0, 0.99),
+        default=0.0,
+        help="mean utilisation of pads; 0: the scenario's own",
     )
     parser.add_argument("--out", type=Path, help="write counts to this file, one JSON document a request")
     options = parser.parse_args()
@@ -195,6 +199,8 @@ def main() -> int:
         if options.out is not None:
             with options.out.open("a", encoding="utf-8") as file:
                 file.write(json.dumps(one.document()) + "\n")
+    if not found:
+        parser.exit(1, "none of the requests has a route\n")
     name = "New York" + (f" at {options.utilisation:g}" if options.utilisation else "")
     for figure in figures_of(found, name):
         print(figure.line())

@@ -20,6 +20,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from benchmarks.cases.instances import FOLDER, read_instance
+from benchmarks.tables.arguments import whole, wholes
 from skyway.missions.examples import NEW_YORK
 from skyway.models.base.errors import InfeasibleError, InputError
 from skyway.models.composition.composition import State
@@ -133,14 +134,16 @@ def row(plans: list[dict[str, Any]]) -> dict[str, float]:
 def main() -> int:
     """Plan, and print."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--seeds", type=int, default=10)
-    parser.add_argument("--only", help="numbers of requests, 0,5")
+    parser.add_argument("--seeds", type=whole(2), default=10)
+    parser.add_argument("--only", type=wholes, help="numbers of requests, 0,5")
     parser.add_argument("--out", type=Path, help="a line of JSON for each plan")
     options = parser.parse_args()
-    only = None if options.only is None else {int(one) for one in options.only.split(",")}
     rows = []
-    for number, asked in enumerate(requests()):
-        if only is not None and number not in only:
+    every = list(requests())
+    if options.only is not None and max(options.only) >= len(every):
+        parser.error(f"--only: requests have the numbers 0 to {len(every) - 1}")
+    for number, asked in enumerate(every):
+        if options.only is not None and number not in options.only:
             continue
         name = f"{number:2d} {asked.network} {asked.request.state.station} > {asked.request.destination}"
         try:

@@ -17,11 +17,12 @@ from benchmarks import __main__ as everything  # noqa: E402
 from benchmarks.cases.instances import FOLDER, make_instance, make_long, read_instance  # noqa: E402
 from benchmarks.cases.melbourne import melbourne  # noqa: E402
 from benchmarks.cases.networks import geometric, random_pairs  # noqa: E402
+from benchmarks.fleet import bench_aboard  # noqa: E402
 from benchmarks.online import bench_rolling, rolling_risk, rolling_why  # noqa: E402
 from benchmarks.planners import bench_gap, bench_planners, bench_promises  # noqa: E402
 from benchmarks.planners.paper import CUT_OFF, NO_ROUTE, SOLVED, PaperRun, rows  # noqa: E402
 from benchmarks.planners.trials import ROLLING, case_of, contenders  # noqa: E402
-from benchmarks.tables import pictures, report  # noqa: E402
+from benchmarks.tables import pictures, report, seeds  # noqa: E402
 from benchmarks.tables.figure import Figure, machine  # noqa: E402
 from benchmarks.tables.memory import peak_memory_mb  # noqa: E402
 from skyway.models.base.errors import InputError  # noqa: E402
@@ -358,3 +359,23 @@ def test_peak_memory_is_not_that_of_the_process_that_started_it():
     script = "from benchmarks.tables.memory import peak_memory_mb; print(peak_memory_mb())"
     done = subprocess.run([sys.executable, "-c", script], cwd=ROOT, check=True, capture_output=True, text=True)
     assert 0.0 < float(done.stdout) < held.nbytes / 2**20 < peak_memory_mb()
+
+
+@pytest.mark.parametrize(
+    ("run", "arguments", "told"),
+    [
+        (seeds.main, ["--seeds", "1"], "--seeds: '1' is not a whole number, 2 or more"),
+        (seeds.main, ["--only", "0,x"], "--only: 'x' is not a whole number, 0 or more"),
+        (seeds.main, ["--only", "99"], "--only: requests have the numbers 0 to "),
+        (bench_promises.main, ["--requests", "0"], "--requests: '0' is not a whole number, 1 or more"),
+        (bench_promises.main, ["--utilisation", "nan"], "--utilisation: 'nan' is not a number from 0 to 0.99"),
+        (bench_gap.main, ["--days", "some"], "--days: 'some' is not a whole number, 1 or more"),
+        (bench_aboard.main, ["--draws", "1"], "--draws: '1' is not a whole number, 2 or more"),
+    ],
+)
+def test_a_number_that_a_benchmark_cannot_be_run_with_is_refused_at_once(monkeypatch, capsys, run, arguments, told):
+    monkeypatch.setattr(sys, "argv", ["benchmark", *arguments])
+    with pytest.raises(SystemExit) as ended:
+        run()
+    assert ended.value.code == 2
+    assert told in capsys.readouterr().err
