@@ -94,7 +94,7 @@ class Instance:
     reserve_soc, epsilon : float
         Of the requests.
     errors : Errors
-        Gusts and errors of energy.
+        Gusts and errors of energy of the runs; planners are told them.
     runs, truth_seed : int
         Simulated runs of each delivery and their seed.
     deliveries : tuple of Delivery
@@ -116,7 +116,7 @@ class Instance:
     truth_seed: int = SEED
 
     def scenario(self) -> Scenario:
-        """The network under its load.
+        """The network under its load, with drones whose energy is known as well as `errors` says.
 
         Raises
         ------
@@ -127,7 +127,10 @@ class Instance:
         found = digest(scenario)
         if found != self.network_sha256:
             raise InputError(Fault("is another network than the instance's", self.name, field="network", value=found))
-        return scenario
+        energy = self.errors.energy
+        if energy is None:
+            return scenario
+        return replace(scenario, drones=tuple(replace(drone, energy_belief=energy) for drone in scenario.drones))
 
     def request(self, delivery: Delivery, recharge: str) -> tuple[Request, date]:
         """A delivery as a request, and the day of its truth."""

@@ -85,6 +85,14 @@ def test_the_instances_of_melbourne_are_what_the_real_data_make(shared_data):
     assert len(melbourne().network) == 63
 
 
+def test_planners_are_told_the_energy_errors_of_the_runs():
+    instance = read_instance(FOLDER / "new-york-0.5.json")
+    assert instance.errors.energy.sd_between == 0.029
+    assert {drone.energy_belief for drone in instance.scenario().drones} == {instance.errors.energy}
+    calm = replace(instance, errors=NO_ERRORS).scenario()
+    assert {drone.energy_belief for drone in calm.drones} == {NO_ERRORS.energy}
+
+
 def test_another_network_than_the_instances_is_refused(tmp_path):
     other = replace(read_instance(FOLDER / "geometric-100-0.5.json"), network_seed=2)
     with pytest.raises(InputError, match="another network"):
