@@ -13,6 +13,7 @@ from typing import Any
 
 from benchmarks.independent.product import planning
 from benchmarks.independent.study import PLANNERS, Study, append_line, digest, fly_order, orders, read_lines
+from benchmarks.independent.told_arrivals import told_arrivals
 from benchmarks.independent.verdict import told_and_met, verdict
 from benchmarks.independent.worlds import worlds
 
@@ -93,6 +94,7 @@ def main(argv: list[str] | None = None) -> int:
         if any(one["planned"] for one in mine):
             verdicts.append((verdict(mine), digest(mine)))
             print(verdicts[-1][0].line())
+            print("".join(f"{told.line()}\n" for told in told_arrivals(mine)), end="")
         else:
             print(f"{name:<20} no order has a plan")
     if options.summary is not None:
@@ -119,8 +121,8 @@ def _merged(paths: list[Path]) -> int:
         if any(one["planned"] for one in mine):
             said = verdict(mine)
             print((said if name else replace(said, world="all of these")).line())
-            for told in told_and_met(mine):
-                print(told.line())
+            for line in (*(one.line() for one in told_and_met(mine)), *(one.line() for one in told_arrivals(mine))):
+                print(line)
     return 0
 
 

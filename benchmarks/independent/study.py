@@ -19,6 +19,7 @@ from benchmarks.independent.product.promise import promised
 from benchmarks.independent.product.supervised import Supervised
 from benchmarks.independent.screening import chosen
 from benchmarks.independent.telling import reports
+from benchmarks.independent.told_arrivals import TOLD
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
@@ -156,7 +157,13 @@ def _flown(
         }
         of_run, seeds, shift = [of_run[k] for k in runs], [seeds[k] for k in runs], shift[runs]
     setting = setting_for(world, city, order, shift, seeds)
-    flown = deliver(setting, order, PLANNERS[study.planner](plan)) if seeds else []
+    policy = PLANNERS[study.planner](plan)
+    flown = deliver(setting, order, policy) if seeds else []
+    if isinstance(policy, Supervised):
+        route[TOLD] = [
+            [tuple(round(time_s - order.depart_s, 1) for time_s in one) for one in policy.told.get(run, ())]
+            for run in range(len(seeds))
+        ]
     return {
         "weight": weight.tolist(),
         "run": [seed[-1] for seed in seeds],

@@ -12,6 +12,7 @@ from benchmarks.independent import screening, study, worlds
 from benchmarks.independent.__main__ import main
 from benchmarks.independent.delivery import DELIVERED
 from benchmarks.independent.statistics import wilson
+from benchmarks.independent.told_arrivals import TOLD, told_arrivals
 from benchmarks.independent.verdict import told_and_met, verdict
 
 STUDY = study.Study("new-york", "robust", 2, 2, 2, 1)
@@ -52,6 +53,17 @@ def test_a_delivery_that_stands_for_others_counts_for_them():
     assert [kept for _, _, kept, _ in found.on_time] == pytest.approx([1 / 20, 15 / 20, 15 / 20])
     low, high = found.below_wilson
     assert low < 1.0 / 20.0 < high
+
+
+def test_arrivals_told_on_the_way_are_counted_at_the_first_decision_and_at_all():
+    told = [[[0.0, 390.0, 500.0], [300.0, 450.0, 460.0]], [[0.0, 700.0, 900.0]], [], [[0.0, 300.0, 400.0]]]
+    one = document(0, [[0.3]] * 4, [400.0, 600.0, 600.0, None]) | {TOLD: told}
+    first, every = told_arrivals([one, document(1, [[0.3]] * 4, [400.0] * 4)])
+    assert (first.deliveries, first.told, every.told) == (3, 3, 4)
+    assert (first.half[0], first.most[0]) == pytest.approx((1 / 3, 2 / 3))
+    assert (every.half[0], every.most[0]) == pytest.approx((2 / 4, 3 / 4))
+    assert told_arrivals([document(1, [[0.3]] * 4, [400.0] * 4)]) == []
+    assert "50 % kept 33.33" in first.line()
 
 
 def test_all_deliveries_near_the_reserve_are_flown_and_a_share_of_the_others_that_stands_for_them(monkeypatch):

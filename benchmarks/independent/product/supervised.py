@@ -44,6 +44,8 @@ class Supervised(Policy):
         self._stay: dict[int, _Stay] = {}
         self._plan: dict[int, tuple[Composition | None, int]] = {}
         """In force, and how many flights had been flown when it was."""
+        self.told: dict[int, list[tuple[float, float, float]]] = {}
+        """Of each run: when an arrival was told, by when half of the deliveries arrive, and 95 %; POSIX seconds."""
         self._diverts: dict[int, tuple[str, ...]] = {}
 
     def forget(self) -> None:
@@ -51,6 +53,7 @@ class Supervised(Policy):
         self.in_air.forget()
         self._stay.clear()
         self._plan.clear()
+        self.told.clear()
         self._diverts.clear()
 
     def leave(self, seen: Seen) -> Leave | None:
@@ -68,6 +71,10 @@ class Supervised(Policy):
             return None
         if decision.composition is not None:
             self._plan[seen.run] = decision.composition, len(seen.flights)
+            arrival = decision.composition.arrival
+            if arrival.p50 is not None and arrival.p95 is not None:
+                told = seen.time_s, arrival.p50.timestamp(), arrival.p95.timestamp()
+                self.told.setdefault(seen.run, []).append(told)
         self._diverts[seen.run] = decision.diverts
         if decision.charge_to is not None and decision.charge_to > seen.told + DONE:
             self._stay[seen.run] = _Stay(seen.node, decision.charge_to, seen.time_s, seen.told)
