@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from skyway.link.protocol.parameters import CHANGE_BY_THEMSELVES, read_value
+from skyway.link.telemetry.batteries import Batteries
 from skyway.link.telemetry.live import RATES_HZ, WIND, LiveTelemetry
 from skyway.link.telemetry.rates import RateKeeper
 from skyway.link.telemetry.stored_lists import KINDS, StoredLists
@@ -110,6 +111,8 @@ class VehicleMonitor:
         self._was: dict[str, str] = {}
         self._unconfirmed: dict[str, tuple[str, int]] = {}
         self._as_before_s: dict[str, float] = {}
+        self.batteries = Batteries()
+        """Its batteries."""
         self.traffic = Traffic()
         """Other aircraft that its receiver detects."""
         self._tells_ids = False
@@ -146,6 +149,8 @@ class VehicleMonitor:
             self._note_state(message)
         elif name == "MISSION_CURRENT":
             self._note_stored(message)
+        elif name == "BATTERY_STATUS":
+            self.batteries.hear(message, self.connection.clock.now_s())
         elif name == "ADSB_VEHICLE":
             self.traffic.hear(message, self.live.sample, self.connection.clock.now_s())
         elif name == "CONTROL_STATUS":

@@ -8,15 +8,18 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import reduce
+from operator import and_
 from typing import TYPE_CHECKING, Any, Literal
 
 from skyway.link.protocol.command import AskFor
 from skyway.link.protocol.parameters import ReadParameters
+from skyway.models.base.errors import VehicleTimeoutError
 from skyway.models.base.formatting import percent, with_unit
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping, Sequence
+    from collections.abc import Callable, Iterator, Mapping, Sequence
 
     from skyway.link.vehicle.vehicle import Vehicle
     from skyway.missions.autopilots.calibration import Calibration
@@ -36,12 +39,19 @@ _SOUND = 0x1 | 0x2 | 0x4 | 0x10 | 0x20
 """Attitude, velocity and place over ground and in height, of the filter's flags."""
 _WORDS = {"vel": "velocity", "pos": "position", "horiz": "horizontal", "vert": "vertical", "mag": "compass"}
 """What the names of the filter's tests are short for."""
-_GLITCHES = 0x80 | 0x400 | 0x8000
+_GLITCHES = 0x80 | 0x400 | 0x800 | 0x8000
 _FIX, _SATELLITES, _HDOP = 3, 6, 2.0
-_UNTOLD_EPH, _UNTOLD_CELL = 65535, 65535
+_UNTOLD_EPH, _UNTOLD_SATELLITES, _UNTOLD_CELL = (0, 65535), 255, 65535
+_MOST_PARTS = 16
+_AWAY_S = 3.0
+"""A vehicle that has been silent for longer is asked whether it still answers."""
+_BROKEN = {5: "failed", 6: "unhealthy"}
+"""MAV_BATTERY_CHARGE_STATE of a battery that is not to be used."""
 _CELL_SPREAD_V, _CELL_V = 0.1, (3.0, 4.4)
 _MOST_CYCLES = 300
 _CLIPS = 100
+_GROUP = 4
+_RANK = {"ok": 0, "unknown": 1, "no": 2}
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,15 +95,34 @@ def look_at(vehicle: Vehicle, flown: Vibration | None = None) -> Iterator[Health
     yield filter_state(_told(vehicle, *family.filter_message), family)
     yield from calibrations(family.calibrations, _parameters(vehicle, family.calibrations))
     yield receiver(_told(vehicle, "GPS_RAW_INT", 24))
-    yield cells(_told(vehicle, "BATTERY_STATUS", 147))
-    yield cycles(_told(vehicle, "SMART_BATTERY_INFO", 370))
-    yield motors(_told(vehicle, "ESC_INFO", 290))
+    _told_by_parts(vehicle, "BATTERY_STATUS", 147, "id")
+    yield packs(vehicle.batteries.reports(vehicle.connection.clock.now_s()))
+    yield worst(cycles, _told_by_parts(vehicle, "SMART_BATTERY_INFO", 370, "id"))
+    yield motors(_told_by_parts(vehicle, "ESC_INFO", 290, "index"))
     yield vibration(flown, family)
 
 
 def _told(vehicle: Vehicle, name: str, number: int) -> Mapping[str, Any] | None:
     message = vehicle.carry_out(AskFor(vehicle.peer.target, name, number)).message
+    if message is None and vehicle.silent_s > _AWAY_S and not vehicle.answers():
+        raise VehicleTimeoutError(name, vehicle.silent_s)
     return None if message is None else message.fields
+
+
+def _told_by_parts(vehicle: Vehicle, name: str, number: int, key: str) -> dict[int, Mapping[str, Any]]:
+    """What a message tells that comes once for each part (battery, group of motors), by its number.
+
+    Some vehicles answer with all, others with one after the other: it is complete when two answers in a row are of known parts.
+    """
+    found: dict[int, Mapping[str, Any]] = {}
+    again = 0
+    while again < 2 and len(found) < _MOST_PARTS:
+        told = _told(vehicle, name, number)
+        if told is None:
+            break
+        again = again + 1 if told[key] in found else 0
+        found[told[key]] = told
+    return found
 
 
 def _parameters(vehicle: Vehicle, places: Sequence[Calibration]) -> Mapping[str, float]:
@@ -150,7 +179,7 @@ def calibrations(places: Sequence[Calibration], values: Mapping[str, float]) -> 
         if faults:
             yield HealthItem(name, "no", "; ".join(faults))
         elif not known:
-            yield HealthItem(name, "unknown", f"the vehicle has no {mine[0].identified}")
+            yield HealthItem(name, "unknown", f"the vehicle does not report {mine[0].identified}")
         elif not filled:
             yield HealthItem(name, "no", f"none: {', '.join(place.identified for place in known)} are 0, or not in use")
         else:
@@ -181,11 +210,28 @@ def receiver(told: Mapping[str, Any] | None) -> HealthItem:
     if told is None:
         return HealthItem("GPS", "unknown", "the vehicle does not report it (GPS_RAW_INT)")
     fix, satellites, eph = int(told["fix_type"]), int(told["satellites_visible"]), int(told["eph"])
-    hdop = math.nan if eph == _UNTOLD_EPH else eph / 100.0
-    said = f"fix {fix}, {satellites} satellites, HDOP {'not reported' if math.isnan(hdop) else f'{hdop:.1f}'}"
+    hdop = math.nan if eph in _UNTOLD_EPH else eph / 100.0
+    counted = satellites != _UNTOLD_SATELLITES
+    seen = f"{satellites} satellites" if counted else "satellites not reported"
+    said = f"fix {fix}, {seen}, HDOP {'not reported' if math.isnan(hdop) else f'{hdop:.1f}'}"
     if fix < _FIX or satellites < _SATELLITES or hdop > _HDOP:
         return HealthItem("GPS", "no", f"{said}; {_FIX}, {_SATELLITES} and {_HDOP:g} needed")
-    return HealthItem("GPS", "unknown" if math.isnan(hdop) else "ok", said)
+    return HealthItem("GPS", "ok" if counted and not math.isnan(hdop) else "unknown", said)
+
+
+def packs(told: Mapping[int, Mapping[str, Any]]) -> HealthItem:
+    """Check the cells of every battery that the vehicle flies on, by their numbers."""
+    return worst(cells, told)
+
+
+def worst(judge: Callable[[Mapping[str, Any] | None], HealthItem], told: Mapping[int, Mapping[str, Any]]) -> HealthItem:
+    """Judge what each battery tells: the worst counts, and where there are several, all are named."""
+    items = {number: judge(one) for number, one in told.items()}
+    if len(items) <= 1:
+        return next(iter(items.values()), judge(None))
+    first = max(items.values(), key=lambda item: _RANK[item.verdict])
+    said = "; ".join(f"battery {number}: {item.said}" for number, item in items.items())
+    return replace(first, said=said)
 
 
 def cells(told: Mapping[str, Any] | None) -> HealthItem:
@@ -194,6 +240,8 @@ def cells(told: Mapping[str, Any] | None) -> HealthItem:
         return HealthItem("battery cells", "unknown", "the vehicle does not report it (BATTERY_STATUS)", needed=False)
     if fault := int(told.get("fault_bitmask", 0)):
         return HealthItem("battery cells", "no", f"the battery reports a fault (bits {fault:#x})")
+    if state := _BROKEN.get(int(told.get("charge_state", 0))):
+        return HealthItem("battery cells", "no", f"the battery reports that it is {state}")
     volts = [value / 1e3 for value in told["voltages"] if value != _UNTOLD_CELL]
     volts += [value / 1e3 for value in told.get("voltages_ext", ()) if value not in (0, _UNTOLD_CELL)]
     if len(volts) < 2 or len(set(volts)) == 1:
@@ -224,17 +272,27 @@ def cycles(told: Mapping[str, Any] | None) -> HealthItem:
     )
 
 
-def motors(told: Mapping[str, Any] | None) -> HealthItem:
-    """Judge the motors' controllers, by ESC_INFO: all are heard, none reports a failure."""
-    if told is None or not int(told["count"]):
+def motors(told: Mapping[int, Mapping[str, Any]]) -> HealthItem:
+    """Judge the motors' controllers, by ESC_INFO of each group of four, by its first: all are heard, none reports a failure."""
+    count = max((int(group["count"]) for group in told.values()), default=0)
+    if not count:
         return HealthItem("motors", "unknown", "the motor controllers do not report (ESC_INFO)", needed=False)
-    count, heard = int(told["count"]), int(told["info"])
+    failing, untold = [], []
+    for n in range(count):
+        group = told.get(n // _GROUP * _GROUP)
+        if group is None:
+            untold.append(n + 1)
+        elif group["failure_flags"][n % _GROUP]:
+            failing.append(n + 1)
+    heard = reduce(and_, (int(group["info"]) for group in told.values()))
     silent = [n + 1 for n in range(min(count, 8)) if not heard >> n & 1]
-    failing = [n + 1 for n, flags in enumerate(told["failure_flags"][: min(count, 4)]) if flags]
     if silent or failing:
         parts = [f"not heard: {', '.join(map(str, silent))}"] if silent else []
         parts += [f"failing: {', '.join(map(str, failing))}"] if failing else []
         return HealthItem("motors", "no", "; ".join(parts))
+    if untold:
+        said = f"{count} controllers, of which {', '.join(map(str, untold))} are not reported"
+        return HealthItem("motors", "unknown", said, needed=False)
     return HealthItem("motors", "ok", f"{count} controllers heard, no failure")
 
 

@@ -70,6 +70,7 @@ def run_checks(ctx: Context, service: DroneService, leg: LegMission) -> Iterator
     yield from _health(ctx)
     yield from _position(ctx, service)
     yield _battery(ctx, service)
+    yield from _other_batteries(ctx, service)
     yield from _wind(ctx, service)
     yield from _parameters(ctx, leg)
     yield _lean(ctx)
@@ -144,9 +145,13 @@ def _position(ctx: Context, service: DroneService) -> Iterator[Check]:
         yield Check("home", "ok", moves)
 
 
-def _battery(ctx: Context, service: DroneService) -> Check:
+def _wanted_soc(ctx: Context, service: DroneService) -> float:
     least, planned = ctx.delivery.least_soc, ctx.delivery.charge_to
-    wanted = least if least is not None else service.soc_depart if planned is None else planned
+    return least if least is not None else service.soc_depart if planned is None else planned
+
+
+def _battery(ctx: Context, service: DroneService) -> Check:
+    least, wanted = ctx.delivery.least_soc, _wanted_soc(ctx, service)
     if not math.isfinite(ctx.battery.soc) or (
         ctx.observed.sample is not None and not math.isfinite(ctx.observed.sample.soc)
     ):
@@ -166,6 +171,15 @@ def _battery(ctx: Context, service: DroneService) -> Check:
     if doubt is not None and ("stuck" in doubt or "know" in doubt):
         return Check("battery", "unknown", f"the reported charge: {doubt}", waits=True)
     return Check("battery", "ok" if ctx.battery.soc >= wanted - SOC_SLACK else "no", said)
+
+
+def _other_batteries(ctx: Context, service: DroneService) -> Iterator[Check]:
+    """Whether another battery is much emptier than the reported charge, and does not suffice."""
+    batteries, now_s = ctx.vehicle.batteries, ctx.vehicle.connection.clock.now_s()
+    emptiest, apart = batteries.lowest(now_s), batteries.doubt(ctx.vehicle.live.latest("soc"), now_s)
+    wanted = _wanted_soc(ctx, service)
+    if apart and emptiest is not None and emptiest[1] < wanted - SOC_SLACK:
+        yield Check("batteries", "no", f"{apart}, {percent(wanted)} needed: charge or replace it", waits=True)
 
 
 def _wind(ctx: Context, service: DroneService) -> Iterator[Check]:

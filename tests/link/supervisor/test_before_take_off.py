@@ -2,10 +2,12 @@
 
 import itertools
 import math
+import re
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from wires import Meddler, changed_frame
 
 from benchmarks.link.deliveries import Scripted, Stage, Story, newyork
 from skyway.link.supervisor import NobodyThere, read_journal
@@ -195,6 +197,19 @@ def test_a_wrong_home_height_is_told_while_it_is_waited_for(tmp_path):
     assert len(waits) >= 2  # and again while it goes on
     assert "home" in waits[0].reason
     assert entry.time_s < records[-1].time_s - 60.0  # at once, not at the end
+
+
+def test_a_second_battery_that_is_nearly_empty_keeps_the_drone_on_the_ground(tmp_path):
+    def spoil(number, message, frame, up):
+        told = not up and message is not None and message.name == "BATTERY_STATUS"
+        return frame + changed_frame(message, id=1, battery_remaining=5) if told else frame
+
+    stage = Stage(Story(supervised=False, **SHORT), tmp_path)
+    connect = stage.lockstep.connect
+    stage.lockstep.connect = lambda *given, **named: Meddler(connect(*given, **named), spoil)
+    outcome = stage.fly()
+    assert outcome.state == "stopped-safe"
+    assert re.search(r"battery 1 reports 5 %, \d+ % needed: charge or replace it", outcome.reason), outcome
 
 
 @pytest.mark.parametrize("autopilot", BOTH)

@@ -6,13 +6,14 @@ import math
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from wires import FAMILIES, Scene, a_mission
+from wires import FAMILIES, Scene, a_mission, changed_frame
 
 from skyway.link.vehicle import health
 from skyway.link.vehicle.health import HealthItem, Vibration, look_at
 from skyway.link.vehicle.health_book import NAME, HealthBook, VibrationWatch
 from skyway.link.vehicle.vehicle import Vehicle
 from skyway.missions.autopilots.registry import family_named
+from skyway.models.base.errors import VehicleTimeoutError
 from skyway.models.base.units import parse_instant
 from skyway.sim_stub.faults import parse_fault
 
@@ -90,7 +91,13 @@ def test_nothing_told_is_unknown_and_never_good(family):
     ]
     assert {item.verdict for item in needed} == {"unknown"}
     assert not any(item.ok for item in needed)
-    optional = [health.cells(None), health.cycles(None), health.motors(None), health.vibration(None, kin)]
+    optional = [
+        health.cells(None),
+        health.packs({}),
+        health.cycles(None),
+        health.motors({}),
+        health.vibration(None, kin),
+    ]
     assert {item.verdict for item in optional} == {"unknown"}
     assert all(item.ok for item in optional)
 
@@ -135,6 +142,97 @@ def test_old_batteries_and_those_that_report_a_fault_are_found():
     assert (found.verdict, "20 cycles; it holds 80 %" in found.said) == ("ok", True)
     assert health.cycles(smart | {"cycle_count": 65535}).verdict == "unknown"
     assert health.cells({"voltages": (4000, 4010), "fault_bitmask": 4}).verdict == "no"
+
+
+@pytest.mark.parametrize(
+    ("satellites", "eph", "verdict"), [(14, 90, "ok"), (255, 90, "unknown"), (14, 65535, "unknown"), (14, 0, "unknown"), (255, 300, "no"), (5, 90, "no")]
+)  # fmt: skip
+def test_satellites_and_precision_that_are_not_reported_are_not_good(satellites, eph, verdict):
+    assert health.receiver({"fix_type": 3, "satellites_visible": satellites, "eph": eph}).verdict == verdict
+
+
+def test_a_filter_that_finds_its_accelerometer_wrong_is_not_good():
+    tests = dict.fromkeys(family_named("px4").filter_tests, 0.1)
+    assert health.filter_state({"flags": 0x33F, **tests}, family_named("px4")).verdict == "ok"
+    assert health.filter_state({"flags": 0x33F | 0x800, **tests}, family_named("px4")).verdict == "no"
+
+
+def test_the_worst_of_several_batteries_counts_and_all_are_named():
+    good, low = {"voltages": (4000, 4010, 4020)}, {"voltages": (4000, 2600, 4010)}
+    assert health.packs({0: good}).said == health.cells(good).said
+    found = health.packs({0: good, 1: low})
+    assert (found.verdict, found.ok) == ("no", False)
+    assert found.said.startswith("battery 0: 3 cells")
+    assert "battery 1: 3 cells, 2.60 to 4.01 V" in found.said
+    assert health.packs({0: good, 1: {"voltages": (65535,) * 10}}).verdict == "unknown"
+
+
+@pytest.mark.parametrize(("state", "verdict"), [(1, "ok"), (5, "no"), (6, "no"), (7, "ok")])
+def test_a_battery_that_reports_itself_broken_is_found(state, verdict):
+    assert health.cells({"voltages": (4000, 4010), "charge_state": state}).verdict == verdict
+
+
+SECOND = {"id": 1, "voltages": (3800, 3800, 2600, *(65535,) * 7), "battery_remaining": 5}
+
+
+@pytest.mark.parametrize("in_turn", [False, True], ids=["at once", "in turn"])
+@pytest.mark.parametrize("family", FAMILIES)
+def test_every_battery_of_a_vehicle_is_looked_at(family, in_turn):
+    turn = [0]
+
+    def spoil(number, message, frame, up):
+        if up or message is None or message.name != "BATTERY_STATUS":
+            return frame
+        turn[0] += 1
+        second = changed_frame(message, **SECOND)
+        return (second if turn[0] % 2 else frame) if in_turn else frame + second
+
+    scene = aboard(family, spoil=spoil)
+    found = looked(scene)["battery cells"]
+    assert (found.verdict, found.ok) == ("no", False)
+    assert "battery 1: 3 cells, 2.60 to 3.80 V" in found.said
+    now_s = scene.connection.clock.now_s()
+    assert scene.craft.batteries.lowest(now_s) == (1, 0.05)
+    assert scene.craft.batteries.doubt(0.9, now_s) == "battery 1 reports 5 %"
+    assert not scene.craft.batteries.doubt(math.nan, now_s)
+    assert scene.craft.batteries.lowest(now_s + 60.0) is None, "old reports say nothing of now"
+
+
+def test_a_battery_of_the_payload_is_none_to_fly_on():
+    def spoil(number, message, frame, up):
+        of_payload = not up and message is not None and message.name == "BATTERY_STATUS"
+        return frame + changed_frame(message, **SECOND, battery_function=4) if of_payload else frame
+
+    scene = aboard("px4", spoil=spoil)
+    looked(scene)
+    assert set(scene.craft.batteries.reports(scene.connection.clock.now_s())) == {0}
+
+
+@pytest.mark.parametrize("family", FAMILIES)
+def test_a_link_that_is_lost_amid_the_check_is_no_good_vehicle(family):
+    cut = []
+
+    def spoil(number, message, frame, up):
+        return b"" if cut else frame
+
+    scene = aboard(family, spoil=spoil)
+    items = look_at(scene.craft, None)
+    assert next(item for item in items if item.name == "GPS").ok
+    cut.append(True)
+    with pytest.raises(VehicleTimeoutError, match="did not answer"):
+        list(items)
+
+
+def group(index, count=6, info=0x3F, failures=(0, 0, 0, 0)):
+    return {"index": index, "count": count, "info": info, "failure_flags": failures}
+
+
+def test_motors_beyond_the_fourth_are_looked_at():
+    assert health.motors({0: group(0), 4: group(4)}).verdict == "ok"
+    assert health.motors({0: group(0), 4: group(4, failures=(0, 4, 0, 0))}).said == "failing: 6"
+    assert health.motors({0: group(0, info=0x1F), 4: group(4, info=0x1F)}).said == "not heard: 6"
+    found = health.motors({0: group(0)})
+    assert (found.verdict, "5, 6 are not reported" in found.said) == ("unknown", True)
 
 
 @pytest.mark.parametrize(("value", "verdict"), [(20.0, "ok"), (45.0, "ok"), (60.0, "no"), (math.nan, "unknown")])
