@@ -35,6 +35,8 @@ _GROUND_STATION, _INVALID_AUTOPILOT = 6, 8
 _NO_VEHICLES = frozenset((_GROUND_STATION, 18, 26, 27, 30, 31, 32, 33, 34, 36, 37, 38, 39, 40, 41, 42, 44))
 """Types (MAV_TYPE) of other senders of heartbeats: onboard computers, gimbals, cameras, batteries, winches; some of them claim the
 autopilot's firmware."""
+_AUTOPILOT = 1
+"""Component of an autopilot. Onboard computers beat before it, and some in its name: what first beats as another component gives way to it."""
 _MAX_SYSTEMS = 255
 _BESIDE = frozenset(("OPEN_DRONE_ID_ARM_STATUS", "WINCH_STATUS"))
 """Messages that parts of a vehicle send in their own name, or the autopilot in theirs."""
@@ -110,6 +112,17 @@ class Peer:
             del self.texts[:-_MAX_TEXTS]
         self._text, self.text_s = (number, chunk), now_s
         self._text_open = bool(number) and len(text) >= _CHUNK
+
+
+    def met_as(self, component: int) -> None:
+        """Take another component for its autopilot, and forget what the first one said."""
+        self.component, self.sequence = component, None
+        self.latest.clear()
+
+
+def _of_vehicle(beat: Message) -> bool:
+    """Whether a heartbeat is that of an autopilot."""
+    return beat["autopilot"] != _INVALID_AUTOPILOT and beat["type"] not in _NO_VEHICLES
 
 
 class SharedClient(Protocol):
@@ -292,6 +305,8 @@ class Connection(Carrier):
             peer = self._meet(message, now)
             if peer is None:
                 return
+        if name == "HEARTBEAT" and message.component == _AUTOPILOT != peer.component and _of_vehicle(message):
+            peer.met_as(_AUTOPILOT)
         own = message.component == peer.component
         if name in _BESIDE or (name == "HEARTBEAT" and not own):
             peer.beside[name if name in _BESIDE else f"{name} {message['type']}"] = now, message
@@ -342,9 +357,9 @@ class Connection(Carrier):
 
     def _meet(self, message: Message, now: float) -> Peer | None:
         """Register a vehicle at the first heartbeat of its autopilot."""
-        if message.name != "HEARTBEAT" or message["autopilot"] == _INVALID_AUTOPILOT or message.system == 0:
+        if message.name != "HEARTBEAT" or message.system == 0 or not _of_vehicle(message):
             return None
-        if message["type"] in _NO_VEHICLES or len(self.peers) >= _MAX_SYSTEMS:
+        if len(self.peers) >= _MAX_SYSTEMS:
             return None
         peer = Peer(message.system, message.component, met_s=now)
         self.peers[message.system] = peer

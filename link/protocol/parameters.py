@@ -236,12 +236,14 @@ class ListParameters(Exchange):
         """Process one."""
         if message.name != "PARAM_VALUE":
             return
-        index = message["param_index"]
-        self.total = message["param_count"]
-        self._heard_s = now_s
-        self.next_s = now_s + _LIST_QUIET_S
-        if index < self.total:
-            self.found[index] = read_value(message, bytewise=self.bytewise)
+        index, count = message["param_index"], message["param_count"]
+        if index >= count:
+            return  # not of the list: a value that changes by itself, or was set by another station
+        self.total = max(count, self.total or 0)
+        if index not in self.found:  # whatever else comes again and again is no progress
+            self._heard_s = now_s
+            self.next_s = now_s + _LIST_QUIET_S
+        self.found[index] = read_value(message, bytewise=self.bytewise)
         if self.complete:
             self.finish()
 

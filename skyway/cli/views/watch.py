@@ -165,7 +165,7 @@ class Watched:
         self.connection.run_for(duration_s)
         now = self.connection.clock.now_s()
         for system, peer in list(self.connection.peers.items()):
-            if system not in self.vehicles and system not in self.strange:
+            if system not in self.vehicles and self.strange.get(system) != peer.autopilot:
                 self._meet(system, peer.autopilot)
         for system, vehicle in self.vehicles.items():
             fresh = vehicle.live.sample is not None and not math.isnan(vehicle.live.sample.roll_rad)
@@ -180,6 +180,7 @@ class Watched:
         if family_of(autopilot) is None:
             self.strange[system] = autopilot
         else:
+            self.strange.pop(system, None)  # an onboard computer beat before it
             self.vehicles[system] = VehicleMonitor(self.connection, system)
 
     def rows(self) -> list[VehicleRow]:

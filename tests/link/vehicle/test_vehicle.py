@@ -190,6 +190,40 @@ def test_all_parameters_come_though_the_radio_is_bad(family, loss):
 
 
 @pytest.mark.parametrize("family", FAMILIES)
+def test_a_value_that_is_told_again_and_again_does_not_hold_up_the_list(family):
+    """It is no member of the list: told whenever it changes, or asked for by another station."""
+    lost, alone = [], FrameWriter(1, 1)
+
+    def spoil(number, message, frame, up):
+        if message is None or up or message.name not in ("PARAM_VALUE", "HEARTBEAT", "ATTITUDE"):
+            return frame
+        if message.name == "PARAM_VALUE":
+            if message["param_index"] % 3 == 1 and message["param_index"] not in lost:
+                lost.append(message["param_index"])
+                return b""
+            return frame
+        told = {"param_id": "STAT_RUNTIME", "param_value": 1.0, "param_type": 9, "param_count": 90, "param_index": 65535}
+        return frame + alone.frame("PARAM_VALUE", told)
+
+    scene = aboard(family, spoil=spoil)
+    begun_s = scene.connection.clock.now_s()
+    assert len(scene.craft.parameters()) == len(scene.vehicle.autopilot.parameters)
+    assert lost
+    assert scene.connection.clock.now_s() < begun_s + 60.0
+
+
+def test_a_list_that_never_comes_whole_is_given_up():
+    def spoil(number, message, frame, up):
+        return b"" if message is not None and message.name == "PARAM_VALUE" and message["param_index"] == 3 else frame
+
+    scene = aboard("px4", spoil=spoil)
+    begun_s = scene.connection.clock.now_s()
+    with pytest.raises(VehicleTimeoutError, match=r"all parameters: \d+ of \d+ came"):
+        scene.craft.parameters()
+    assert scene.connection.clock.now_s() < begun_s + 30.0
+
+
+@pytest.mark.parametrize("family", FAMILIES)
 def test_a_parameter_is_set_though_late_answers_still_tell_its_old_value(family):
     name = "MPC_XY_CRUISE" if family == "px4" else "WPNAV_SPEED"
     for seed in range(12):

@@ -10,7 +10,7 @@ import tty
 
 import pytest
 from sim_serving import free_port, served
-from wires import a_mission
+from wires import Scene, a_mission
 
 from skyway.link.protocol.connection import Connection
 from skyway.link.protocol.exchange import RoundTrip
@@ -72,6 +72,28 @@ def test_three_vehicles_on_one_udp_port_are_told_apart_by_their_ids():
         with pytest.raises(InputError, match="one of 1, 2, 3"):
             Vehicle(connection)
     connection.close()
+
+
+@pytest.mark.parametrize(("kind", "firmware"), [(0, 0), (2, 12), (2, 0)], ids=["generic", "as the autopilot", "other"])
+def test_an_onboard_computer_that_beats_first_is_not_taken_for_the_autopilot(kind, firmware):
+    scene, computer = Scene("px4"), FrameWriter(1, 191)
+    fields = {"type": kind, "autopilot": firmware, "base_mode": 209, "system_status": 4, "mavlink_version": 3}
+    beats = []
+
+    def spoil(number, message, frame, up):
+        if up or message is None or message.name != "HEARTBEAT":
+            return frame if beats or up else b""
+        beats.append(1)
+        return computer.frame("HEARTBEAT", fields) + (frame if len(beats) > 1 else b"")
+
+    scene.link.spoil = spoil
+    assert scene.meet().component == 191
+    scene.connection.run_for(1.5)
+    craft = Vehicle(scene.connection)
+    assert craft.peer.component == 1
+    assert craft.family.name == "px4"
+    assert not craft.armed
+    assert craft.upload(a_mission(5)).verified
 
 
 def test_a_tcp_connection_comes_back_by_itself():
