@@ -113,7 +113,6 @@ class Peer:
         self._text, self.text_s = (number, chunk), now_s
         self._text_open = bool(number) and len(text) >= _CHUNK
 
-
     def met_as(self, component: int) -> None:
         """Take another component for its autopilot, and forget what the first one said."""
         self.component, self.sequence = component, None

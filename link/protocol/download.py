@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from skyway.link.protocol.exchange import SPREADS, Exchange, Question
-from skyway.link.protocol.mission_words import ACCEPTED, ERROR, ITEM_FIELDS, MissionKind
+from skyway.link.protocol.mission_words import ACCEPTED, ERROR, ITEM_FIELDS, UNSUPPORTED, MissionKind, in_words
 from skyway.missions.autopilots.wire import WireItem
 from skyway.models.base.formatting import duration
 
@@ -19,6 +19,8 @@ GIVE_UP_S = 10.0
 _AGAIN_S = 0.4
 _MAX_RESTARTS = 12
 _FORGOTTEN_TRIES, _FORGOTTEN_COSTS, _DOUBTED_TRIES = 12, 2, 2
+_LACKS_COSTS = 4
+"""One such answer may be a late one to an upload."""
 
 
 def wire_item(message: Message) -> WireItem:
@@ -44,6 +46,8 @@ class Download(Exchange):
         """The list; None if it could not be read."""
         self.problem = ""
         """Reason for a failure."""
+        self.lacks = False
+        """The vehicle answers that it has no lists of this kind."""
         self._got: list[WireItem] = []
         self._count: int | None = None
         self._tries = 0
@@ -86,8 +90,20 @@ class Download(Exchange):
             self._tries = max(self._tries, _FORGOTTEN_TRIES - _DOUBTED_TRIES)
             self.next_s = min(self.next_s, now_s + self.round_trip.retry_s(1))
         elif message["type"] != ACCEPTED:
-            self._pause = self._may_begin_again(1, f"the vehicle aborted the download (answer {message['type']})")
-            self.next_s = now_s + _AGAIN_S if self._pause else self.next_s
+            self._refused(message["type"], now_s)
+
+    def _refused(self, answer: int, now_s: float) -> None:
+        lacks = answer == UNSUPPORTED and self._count is None
+        why = (
+            f"it does not support lists of this kind ({self.kind.word})"
+            if lacks
+            else f"it aborted it: {in_words(answer)}"
+        )
+        self._pause = self._may_begin_again(_LACKS_COSTS if lacks else 1, why)
+        if self._pause:
+            self.next_s = now_s + _AGAIN_S
+        else:
+            self.lacks = lacks
 
     def _next(self, now_s: float) -> None:
         if self._tries == 1:

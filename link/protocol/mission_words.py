@@ -25,6 +25,7 @@ ITEM_FIELDS = tuple(field.name for field in fields(WireItem))
 """Of an item, as in MISSION_ITEM_INT."""
 ACCEPTED = 0
 ERROR = 1
+UNSUPPORTED = 3
 INVALID_SEQUENCE = 13
 DENIED = 14
 CANCELLED = 15

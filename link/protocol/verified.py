@@ -151,6 +151,8 @@ def upload_verified(job: UploadJob) -> Steps[UploadOutcome]:
         yield down
         if down.items is None:
             holds = "what it held before: nothing was sent"
+            if down.lacks:
+                return run.outcome(UploadState.REFUSED, holds, down.problem)
             return run.outcome(UploadState.UNKNOWN, holds, f"it cannot be read: {down.problem}")
         before = down.items
     return (yield from run.send_until_verified(before))

@@ -26,6 +26,7 @@ from skyway.models.base.errors import (
     Fault,
     InputError,
     LinkError,
+    ListUnsupportedError,
     UploadMismatchError,
     VehicleTimeoutError,
 )
@@ -333,6 +334,8 @@ class Vehicle(AskedVehicle):
     def _download(self, kind: MissionKind) -> tuple[WireItem, ...]:
         self._refuse_lists_of_version_1(kind)
         down = self._do(Download(self.peer.target, kind))
+        if down.lacks:
+            raise ListUnsupportedError(f"tell its {kind.word}", down.problem)
         if down.items is None:
             raise VehicleTimeoutError(f"download of its {kind.word}: {down.problem}", 10.0)
         return down.items
@@ -351,7 +354,7 @@ class Vehicle(AskedVehicle):
         self.expect(kind.word)
         cleared = self._do(Clear(self.peer.target, kind))
         down = self._do(Download(self.peer.target, kind))
-        left = None if down.items is None else len(down.items)
+        left = 0 if down.lacks else None if down.items is None else len(down.items)
         home = self.family.home_items if kind is MissionKind.MISSION else 0
         if left is not None and left <= home:
             self._blocked.pop(kind, None)

@@ -167,6 +167,10 @@ class CommandRefusedError(LinkError):
         self.what, self.result, self.reasons = what, result, tuple(reasons)
 
 
+class ListUnsupportedError(CommandRefusedError):
+    """The vehicle has no lists of this kind: a fence, or rally points."""
+
+
 class UploadMismatchError(LinkError):
     """The vehicle's mission differs from the one sent; a start is blocked."""
 

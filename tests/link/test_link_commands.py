@@ -271,6 +271,27 @@ def test_a_refused_upload_exits_with_3_and_gives_the_vehicles_words(run, tmp_pat
     assert "verified" not in text
 
 
+def test_a_fence_that_is_left_from_another_mission_is_told(run, plan, tmp_path):
+    fenced = tmp_path / "fenced.plan"
+    write(MissionDocument(a_mission(6), a_fence(), some_rally_points()), fenced)
+    with served(tcp_port=0, autopilot="px4") as there:
+        port = there.where()[1]
+        code, text = run("upload", fenced, "--yes", port=port)
+        assert (code, "not in the file" in text) == (0, False)
+        for words in (("upload", plan), ("upload", plan, "--yes"), ("verify", plan)):
+            code, text = run(*words, port=port)
+            assert code == 0
+            assert (
+                "fence: not in the file, but the vehicle holds and uses 1 area; to remove: skyway clear --kind fence"
+                in text
+            )
+            assert "rally points: not in the file, but the vehicle holds and uses 2 points" in text
+        assert len(json.loads(run("verify", plan, "--json", port=port)[1])["besides"]) == 2
+        assert run("clear", "--kind", "all", "--yes", port=port)[0] == 0
+        code, text = run("upload", plan, "--yes", port=port)
+        assert (code, "not in the file" in text) == (0, False)
+
+
 def test_a_mission_with_errors_is_not_sent_unless_that_is_asked_for(run, tmp_path):
     file = tmp_path / "in-the-air.plan"
     write(MissionDocument(Mission(a_mission(8).items[:-1])), file)

@@ -12,7 +12,15 @@ import typer
 from skyway.cli import options
 from skyway.cli.connection_options import Armed, Line, Link, Yes, refuse_armed
 from skyway.cli.option_groups import with_groups
-from skyway.models.base.errors import Fault, InputError, VehicleTimeoutError, refuse
+from skyway.models.base.errors import (
+    CommandRefusedError,
+    Fault,
+    InputError,
+    LinkError,
+    ListUnsupportedError,
+    VehicleTimeoutError,
+    refuse,
+)
 from skyway.models.base.json_text import json_text
 from skyway.models.base.views import counted
 
@@ -59,6 +67,32 @@ def _read_parts(file: Path) -> tuple[MissionDocument, list[Part]]:
         remedy = "use skyway clear to clear a vehicle"
         raise InputError("has no mission, fence or rally points", str(file), remedy=remedy)
     return document, parts
+
+
+def _besides(vehicle: Vehicle, parts: Sequence[Part]) -> list[str]:
+    """Say what the vehicle holds, or may hold, besides the contents of a file: a fence is in force during its mission, too."""
+    from skyway.cli.views.link import count_of
+    from skyway.link.protocol.mission_words import MissionKind
+    from skyway.link.protocol.verified import kind_of
+
+    sent = {kind_of(part) for part in parts}
+    said = []
+    for kind, noun in ((MissionKind.FENCE, "area"), (MissionKind.RALLY, "point")):
+        if kind in sent:
+            continue
+        try:
+            count = count_of(vehicle.download(kind))
+        except CommandRefusedError:
+            continue  # it has no such lists
+        except LinkError as error:
+            said.append(f"{kind.word}: not in the file, and what the vehicle holds is unknown: {error}")
+            continue
+        if count:
+            remedy = f"to remove: skyway clear --kind {kind.name.lower()}"
+            said.append(
+                f"{kind.word}: not in the file, but the vehicle holds and uses {counted(count, noun)}; {remedy}"
+            )
+    return said
 
 
 @with_groups
@@ -109,15 +143,19 @@ def upload(
             return
         vehicle.check_ground_station()
         outcomes = _send(vehicle, parts)
+        besides = _besides(vehicle, parts) if all(outcome.verified for outcome in outcomes) else []
     report = UploadReport(
         ok=all(outcome.verified for outcome in outcomes), sent=True, vehicle=VehicleIdentity.of(identity),
         findings=findings, parameters=checks, parts=[PartSent.of(outcome) for outcome in outcomes],
+        besides=besides,
     )  # fmt: skip
     if as_json:
         typer.echo(json_text(report))
     else:
         for outcome in outcomes:
             show_outcome(outcome)
+        for line in besides:
+            typer.echo(line)
     if not report.ok:
         raise typer.Exit(3)
 
@@ -189,12 +227,16 @@ def _show_dry_run(
         rows.append(PartPlanned(kind=kind, differences=[PartDifference.of(kind, one) for one in differences]))
         if not as_json:
             show_plan(part, differences)
+    besides = _besides(vehicle, parts)
     if as_json:
         who = VehicleIdentity.of(identity)
-        typer.echo(
-            json_text(UploadReport(ok=True, sent=False, vehicle=who, findings=findings, parameters=checks, parts=rows))
+        report = UploadReport(
+            ok=True, sent=False, vehicle=who, findings=findings, parameters=checks, parts=rows, besides=besides
         )
+        typer.echo(json_text(report))
     else:
+        for line in besides:
+            typer.echo(line)
         typer.echo("nothing was sent; add --yes to upload")
 
 
@@ -238,12 +280,24 @@ def download(
 
     options.refuse_overwriting(output, force=force)
     with link.aboard() as vehicle:
-        mission, fence, rally = (vehicle.download(kind) for kind in MissionKind)
-    if not (isinstance(mission, Mission) and isinstance(fence, Geofence) and isinstance(rally, RallyPoints)):
-        raise TypeError("a download of a different kind than requested")
+        parts: list[Part] = [vehicle.download(MissionKind.MISSION)]
+        not_read = []
+        for kind in (MissionKind.FENCE, MissionKind.RALLY):
+            try:
+                parts.append(vehicle.download(kind))
+            except CommandRefusedError as error:  # it has no such lists
+                not_read.append(kind.name.lower())
+                typer.echo(f"{kind.word}: not read: {error}", err=True)
+    mission = next((part for part in parts if isinstance(part, Mission)), Mission())
+    fence = next((part for part in parts if isinstance(part, Geofence)), Geofence())
+    rally = next((part for part in parts if isinstance(part, RallyPoints)), RallyPoints())
     written = write(MissionDocument(mission, fence, rally), output, force=force)
     report = DownloadReport(
-        files=[str(path) for path in written], items=len(mission), fence_areas=len(fence.areas), rally_points=len(rally)
+        files=[str(path) for path in written],
+        items=len(mission),
+        fence_areas=len(fence.areas),
+        rally_points=len(rally),
+        not_read=not_read,
     )
     if as_json:
         typer.echo(json_text(report))
@@ -281,7 +335,13 @@ def clear(
         if yes:
             refuse_armed(vehicle, "clear it", allowed=armed)
         for each in kinds:
-            part = vehicle.download(each)
+            try:
+                part = vehicle.download(each)
+            except ListUnsupportedError as error:
+                if kind is not Kind.ALL:
+                    raise
+                typer.echo(f"{each.word}: none: {error}", err=True)
+                continue
             held[each.name.lower()] = count_of(part)
             if yes:
                 vehicle.clear(each)
@@ -305,12 +365,15 @@ def verify(link: Link, file: MissionFile, as_json: options.AsJson = False) -> No
     _, parts = _read_parts(file)
     with link.aboard() as vehicle:
         found = [(kind_of(part), difference) for part in parts for difference in vehicle.verify(part)]
+        besides = _besides(vehicle, parts)
     if as_json:
         rows = [PartDifference.of(kind.name.lower(), difference) for kind, difference in found]
-        typer.echo(json_text(VerifyReport(ok=not found, differences=rows)))
+        typer.echo(json_text(VerifyReport(ok=not found, differences=rows, besides=besides)))
     else:
         for kind, difference in found:
             typer.echo(f"{kind.word}: {on_board(difference)}")
+        for line in besides:
+            typer.echo(line)
         typer.echo("the vehicle holds the mission of the file" if not found else f"{len(found)} differences")
     if found:
         raise typer.Exit(1)

@@ -105,6 +105,8 @@ class UploadReport(msgspec.Struct, frozen=True, kw_only=True):
     """As of ``skyway check``."""
     parameters: list[ParameterState]
     parts: list[PartSent] | list[PartPlanned]
+    besides: list[str]
+    """What the vehicle holds that the file does not have, for a person."""
 
 
 class DownloadReport(msgspec.Struct, frozen=True, kw_only=True):
@@ -116,6 +118,8 @@ class DownloadReport(msgspec.Struct, frozen=True, kw_only=True):
     items: int
     fence_areas: int
     rally_points: int
+    not_read: list[str]
+    """Kinds of lists that the vehicle does not have, or cannot tell."""
 
 
 class ClearReport(msgspec.Struct, frozen=True, kw_only=True):
@@ -134,6 +138,8 @@ class VerifyReport(msgspec.Struct, frozen=True, kw_only=True):
     schema: str = "skyway.verify/1"
     ok: bool
     differences: list[PartDifference]
+    besides: list[str]
+    """What the vehicle holds that the file does not have, for a person."""
 
 
 def progress() -> Callable[[str, int, int], None] | None:

@@ -17,6 +17,7 @@ from skyway.missions.items.parameters import FlightNeeds
 from skyway.models.base.errors import (
     CommandRefusedError,
     InputError,
+    ListUnsupportedError,
     ParameterAbsentError,
     StationConflictError,
     UploadMismatchError,
@@ -190,6 +191,34 @@ def test_all_parameters_come_though_the_radio_is_bad(family, loss):
 
 
 @pytest.mark.parametrize("family", FAMILIES)
+def test_a_vehicle_without_fences_says_so_and_keeps_its_mission(family):
+    asked, its = [], FrameWriter(1, 1)
+    refused = {"target_system": 255, "target_component": 190, "type": 3, "mission_type": 1}
+
+    def spoil(number, message, frame, up):
+        name = "" if message is None else message.name
+        if up and name.startswith("MISSION_") and message.fields.get("mission_type") == 1:
+            if name != "MISSION_ACK":
+                asked.append(name)
+            return b""
+        answers = b"" if up else b"".join(its.frame("MISSION_ACK", refused) for _ in asked)
+        asked[:] = asked if up else []
+        return frame + answers
+
+    scene = aboard(family, spoil=spoil)
+    assert scene.craft.upload(a_mission(5)).verified
+    begun_s = scene.connection.clock.now_s()
+    with pytest.raises(ListUnsupportedError, match="does not support lists of this kind"):
+        scene.craft.download(MissionKind.FENCE)
+    assert scene.connection.clock.now_s() < begun_s + 4.0
+    outcome = scene.craft.upload(a_fence())
+    assert (outcome.state, outcome.blocks_start) == (UploadState.REFUSED, False)
+    assert str(outcome).startswith("fence: refused; the vehicle holds what it held before: nothing was sent")
+    scene.craft.clear(MissionKind.FENCE)
+    assert len(scene.craft.download(MissionKind.MISSION)) == 5
+
+
+@pytest.mark.parametrize("family", FAMILIES)
 def test_a_value_that_is_told_again_and_again_does_not_hold_up_the_list(family):
     """It is no member of the list: told whenever it changes, or asked for by another station."""
     lost, alone = [], FrameWriter(1, 1)
@@ -202,7 +231,13 @@ def test_a_value_that_is_told_again_and_again_does_not_hold_up_the_list(family):
                 lost.append(message["param_index"])
                 return b""
             return frame
-        told = {"param_id": "STAT_RUNTIME", "param_value": 1.0, "param_type": 9, "param_count": 90, "param_index": 65535}
+        told = {
+            "param_id": "STAT_RUNTIME",
+            "param_value": 1.0,
+            "param_type": 9,
+            "param_count": 90,
+            "param_index": 65535,
+        }
         return frame + alone.frame("PARAM_VALUE", told)
 
     scene = aboard(family, spoil=spoil)
