@@ -202,8 +202,8 @@ class _Run:
                 return self.outcome(UploadState.UNKNOWN, self._may_hold(), "it cannot be read back: no answer")
             if not self.differences:
                 return (yield from self._judged(up.heard_s, said))
-            if up.end is UploadEnd.REFUSED:
-                break
+            if up.end is UploadEnd.REFUSED or (up.end is UploadEnd.BROKEN and up.asked < 0):
+                break  # refused, or busy for as long as any other transfer may last
         return (yield from self._give_up(before, found or (), reason, concerned))
 
     def _judged(self, taken_s: float, said: int) -> Steps[UploadOutcome]:

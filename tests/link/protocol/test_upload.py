@@ -249,6 +249,29 @@ def test_a_refusal_names_the_item_and_leaves_what_was_there(family):
     assert scene.stored() == before
 
 
+@pytest.mark.parametrize("answer", [1, 14])
+@pytest.mark.parametrize("family", FAMILIES)
+def test_a_vehicle_that_never_takes_an_upload_says_so_within_half_a_minute(family, answer):
+    scene, asked, its = with_old(family), [], FrameWriter(1, 1)
+    refused = {"target_system": 255, "target_component": 190, "type": answer, "mission_type": 0}
+
+    def spoil(number, message, frame, up):
+        if up and message is not None and message.name == "MISSION_COUNT":
+            asked.append(number)
+            return b""
+        answers = b"" if up else b"".join(its.frame("MISSION_ACK", refused) for _ in asked)
+        asked[:] = asked if up else []
+        return frame + answers
+
+    before, begun_s = scene.stored(), scene.lockstep.now_s
+    scene.link.spoil = spoil
+    outcome = scene.upload(NEW)
+    assert outcome.state is UploadState.REFUSED
+    assert outcome.reason.startswith("the transfer was aborted")
+    assert scene.stored() == before
+    assert scene.lockstep.now_s < begun_s + 30.0
+
+
 def test_in_the_air_a_mixture_is_not_rolled_back_but_told():
     wrong = Mission((*NEW.items[:3], MissionItem(Command.NAV_WAYPOINT, 1, z=5.0), *NEW.items[3:]))
     scene = with_old("ardupilot")
