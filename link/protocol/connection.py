@@ -168,6 +168,8 @@ class Connection(Carrier):
         """System of the vehicle that we supervise: announced to all other stations, every second."""
         self.commanded = False
         """Whether we have already commanded that vehicle; announced with it."""
+        self.strangers: dict[tuple[int, int], tuple[int, int]] = {}
+        """Senders of heartbeats that are neither vehicles nor ground stations, by system and component: MAV_TYPE and MAV_AUTOPILOT."""
         self.namesake = False
         """A vehicle has our id; its packets are indistinguishable from our own."""
         self.shared_client: SharedClient | None = None
@@ -303,6 +305,8 @@ class Connection(Carrier):
         if peer is None:
             peer = self._meet(message, now)
             if peer is None:
+                if name == "HEARTBEAT" and len(self.strangers) < _MAX_SYSTEMS:
+                    self.strangers[message.system, message.component] = message["type"], message["autopilot"]
                 return
         if name == "HEARTBEAT" and message.component == _AUTOPILOT != peer.component and _of_vehicle(message):
             peer.met_as(_AUTOPILOT)

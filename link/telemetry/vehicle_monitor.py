@@ -352,13 +352,22 @@ def _find(connection: Connection, system: int | None) -> Peer:
     known = connection.peers
     if not connection.wait(lambda: bool(known) if system is None else system in known, FIND_S):
         if connection.namesake:
-            problem, remedy = "the vehicle has this system id itself", "another one, such as 255"
+            problem, remedy = (
+                "the vehicle has this system id itself",
+                f"another one, such as {255 - (connection.system == 255)}",
+            )
             raise InputError(Fault(problem, field="--gcs-system", value=connection.system, remedy=remedy))
-        doubted = connection.rejected.unsigned + connection.rejected.forged + connection.rejected.replayed
+        rejected = connection.rejected
+        doubted = rejected.unsigned + rejected.forged + rejected.replayed
+        if doubted and doubted == rejected.unsigned:
+            problem = f"the vehicle does not sign its packets: {doubted} were rejected"
+            raise InputError(
+                Fault(problem, field="--key-file", remedy="connect without a key, or set up signing on the vehicle")
+            )
         if doubted:
             problem = f"no packet is signed with our key: {doubted} were rejected"
             raise InputError(Fault(problem, field="--key-file", remedy="the key that the vehicle has"))
-        others = f" of system {system}, only of {', '.join(map(str, sorted(known)))}" if known else ""
+        others = f" of system {system}, only of {', '.join(map(str, sorted(known)))}" if known else _others(connection)
         raise VehicleTimeoutError(f"no heartbeat{others}", FIND_S)
     heard_for_s = connection.clock.now_s() - min(peer.met_s for peer in known.values())
     connection.run_for(ALONE_S - heard_for_s)
@@ -370,3 +379,13 @@ def _find(connection: Connection, system: int | None) -> Peer:
             Fault("there are several vehicles on this connection", field="--system", remedy=f"one of {heard}")
         )
     return next(iter(known.values()))
+
+
+def _others(connection: Connection) -> str:
+    """Say who beats on a connection without a vehicle: it may be the wrong one."""
+    heard = [f"ground station {system}" for system, _ in sorted(connection.stations.heard_s)]
+    heard += [
+        f"system {system} component {component} (type {kind}, autopilot {firmware})"
+        for (system, component), (kind, firmware) in sorted(connection.strangers.items())
+    ]
+    return f" of an autopilot, only of {', '.join(dict.fromkeys(heard))}" if heard else ""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import socket
 from dataclasses import dataclass
 from typing import Any
@@ -51,8 +52,9 @@ def bind(listener: socket.socket, target: Any, address: Address) -> None:
         listener.bind(target)
     except OSError as error:
         listener.close()
-        problem, remedy = (
-            f"cannot listen: {error.strerror or error}",
-            "another program listens there; choose another port",
-        )
+        problem = f"cannot listen: {error.strerror or error}"
+        remedy = {
+            errno.EADDRNOTAVAIL: "this computer has no such address: udpin and tcpin take one of its own, or 0.0.0.0",
+            errno.EACCES: "you may not use this port: choose one above 1023",
+        }.get(error.errno or 0, "another program listens there; choose another port")
         raise InputError(problem, field="--connect", value=str(address), remedy=remedy) from error

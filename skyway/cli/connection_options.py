@@ -123,6 +123,12 @@ class Link(Line):
                 typer.echo(
                     "the vehicle signs its packets; without its key (--key-file) it may ignore commands", err=True
                 )
+            if connection.rejected.elsewhere:
+                typer.echo(
+                    f"packets in the name of system {vehicle.system} also come from another address, and are ignored: if that is another "
+                    "vehicle, give it another system id; this one may be the wrong one",
+                    err=True,
+                )
             vehicle.own_names = own_names(self.parameter_name or (), vehicle.family)
             yield vehicle
 

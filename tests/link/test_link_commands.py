@@ -13,6 +13,7 @@ from sim_serving import free_port, served
 from wires import a_fence, a_mission, some_rally_points
 
 from skyway.cli.command_groups import GROUPS, add_command
+from skyway.cli.connection_options import Link
 from skyway.link.protocol.parameter_file import read_required
 from skyway.link.wire.frames import FrameWriter
 from skyway.missions import write
@@ -84,6 +85,15 @@ def test_parameters_are_read_set_and_compared(run, tmp_path):
         code, text = run("params", "diff", file, port=port)
         assert code == 1
         assert "NO_SUCH: file 1, vehicle has none" in text
+
+
+@pytest.mark.parametrize("sent", [(), ("--yes",)])
+def test_a_whole_parameter_is_not_set_to_a_fraction(run, sent):
+    with served(tcp_port=0, autopilot="px4") as there:
+        port = there.where()[1]
+        code, text = run("params", "set", "RTL_TYPE", "1.5", *sent, port=port)
+        assert (code, text) == (2, "RTL_TYPE: is a whole number on the vehicle (got '1.5'); 2")
+        assert there.world.vehicles[1].autopilot.parameters["RTL_TYPE"] == 0.0
 
 
 def test_a_mission_comes_with_the_parameters_it_needs(run, plan, tmp_path):
@@ -383,3 +393,27 @@ def test_watching_tells_how_many_packets_were_not_believed(run):
     assert code == 0
     assert rejected["elsewhere"] >= 5
     assert rejected["forged"] == 0
+
+
+def test_a_second_vehicle_of_the_same_id_is_told_before_anything_is_sent(tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr("skyway.link.telemetry.vehicle_monitor.ALONE_S", 1.0)
+    port, beat = free_port(), {"type": 2, "autopilot": 12, "mavlink_version": 3}
+    done = threading.Event()
+
+    def speak(count):
+        with contextlib.ExitStack() as stack:
+            all_ = [stack.enter_context(socket.socket(socket.AF_INET, socket.SOCK_DGRAM)) for _ in range(count)]
+            while not done.wait(0.1):
+                for one in all_:
+                    one.sendto(FrameWriter(1, 1).frame("HEARTBEAT", beat), ("127.0.0.1", port))
+
+    for count in (1, 2):
+        done.clear()
+        speaker = threading.Thread(target=speak, args=(count,))
+        speaker.start()
+        with Link(connect=[f"udpin:127.0.0.1:{port}"], record=tmp_path).aboard() as vehicle:
+            assert vehicle.system == 1
+        done.set()
+        speaker.join()
+        told = "packets in the name of system 1 also come from another address" in capsys.readouterr().err
+        assert told == (count == 2)

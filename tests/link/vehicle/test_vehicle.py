@@ -4,13 +4,14 @@ import math
 from itertools import pairwise
 
 import pytest
-from wires import FAMILIES, LAT, LON, Scene, a_fence, a_mission, bad_radio, rates_hz
+from wires import FAMILIES, LAT, LON, Scene, a_fence, a_mission, bad_radio, changed_frame, rates_hz
 
 from skyway.link.protocol.connection import Connection
 from skyway.link.protocol.mission_words import MissionKind
 from skyway.link.protocol.verified import UploadState
 from skyway.link.vehicle.vehicle import Vehicle
 from skyway.link.wire.frames import FrameWriter
+from skyway.link.wire.signing import Signing
 from skyway.missions.autopilots.registry import family_named
 from skyway.missions.items.mission import Mission
 from skyway.missions.items.parameters import FlightNeeds
@@ -377,6 +378,29 @@ def test_nobody_there_is_a_time_out():
     scene = Scene("px4", spoil=lambda _n, _m, _frame, _up: b"")
     with pytest.raises(VehicleTimeoutError, match="no heartbeat"):
         Vehicle(Connection(scene.link, scene.lockstep.clock))
+
+
+@pytest.mark.parametrize(
+    ("changed", "told"),
+    [
+        ({"type": 6, "autopilot": 8}, "no heartbeat of an autopilot, only of ground station 1$"),
+        ({"autopilot": 8}, r"no heartbeat of an autopilot, only of system 1 component 1 \(type 2, autopilot 8\)$"),
+    ],
+)
+def test_who_beats_instead_of_a_vehicle_is_told(changed, told):
+    def spoil(number, message, frame, up):
+        beats = not up and message is not None and message.name == "HEARTBEAT"
+        return changed_frame(message, **changed) if beats else frame
+
+    with pytest.raises(VehicleTimeoutError, match=told):
+        Vehicle(Scene("px4", spoil=spoil).connection)
+
+
+def test_a_vehicle_that_does_not_sign_and_one_with_our_id_are_named():
+    with pytest.raises(InputError, match=r"does not sign its packets: \d+ were rejected; connect without a key"):
+        Vehicle(Scene("px4", signing=Signing(bytes(32))).connection)
+    with pytest.raises(InputError, match=r"has this system id itself .*another one, such as 254"):
+        Vehicle(Scene("px4", system=255).connection)
 
 
 def test_commands_get_through_a_bad_radio():

@@ -229,6 +229,11 @@ def test_a_port_that_is_taken_is_named():
     first.close()
 
 
+def test_an_address_of_another_computer_is_named():
+    with pytest.raises(InputError, match="this computer has no such address"):
+        UdpSocket(Address("udpin", "192.0.2.1", 14550))
+
+
 class Radio:
     """A serial line with a vehicle at its far end: a pty whose other side passes bytes to a TCP port and back."""
 

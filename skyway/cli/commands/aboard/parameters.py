@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from contextlib import closing
 from pathlib import Path
 from typing import Annotated
@@ -112,11 +113,17 @@ def params_set(
       skyway params set RTL_ALT 6000 --yes --connect tcp:127.0.0.1:5760
     """
     from skyway.link.protocol.parameter_file import IMPLAUSIBLE
+    from skyway.link.protocol.parameters import is_whole
 
     with link.aboard() as vehicle:
         if yes:
             refuse_armed(vehicle, "set a parameter", allowed=armed)
-        before = vehicle.parameter(name).value
+        found = vehicle.parameter(name)
+        before = found.value
+        if is_whole(found.kind) and math.isfinite(value) and value != round(value):
+            raise InputError(
+                "is a whole number on the vehicle", field=name, value=f"{value:.9g}", remedy=f"{value:.0f}"
+            )
         expected = vehicle.family.settings.range_left(name, value)
         if expected:
             raise InputError(IMPLAUSIBLE, field=name, value=f"{value:.9g}", remedy=expected)
