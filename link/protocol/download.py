@@ -19,6 +19,7 @@ GIVE_UP_S = 10.0
 _AGAIN_S = 0.4
 _MAX_RESTARTS = 12
 _FORGOTTEN_TRIES, _FORGOTTEN_COSTS, _DOUBTED_TRIES = 12, 2, 2
+_HEARD = frozenset(("MISSION_COUNT", "MISSION_ITEM_INT", "MISSION_ITEM", "MISSION_ACK"))
 _LACKS_COSTS = 4
 """One such answer may be a late one to an upload."""
 
@@ -73,9 +74,7 @@ class Download(Exchange):
 
     def hear(self, message: Message, now_s: float) -> None:
         """Process the count, and item after item."""
-        if message.name not in ("MISSION_COUNT", "MISSION_ITEM_INT", "MISSION_ACK"):
-            return
-        if message["mission_type"] != self.kind or self._pause:
+        if message.name not in _HEARD or message["mission_type"] != self.kind or self._pause:
             return
         if message.name == "MISSION_COUNT":
             if self._count is None:
@@ -85,6 +84,10 @@ class Download(Exchange):
             if self._count is not None and message["seq"] == len(self._got):
                 self._got.append(wire_item(message))
                 self._next(now_s)
+        elif message.name == "MISSION_ITEM":
+            if self._count is not None:  # coordinates as floats are off by a metre, and are not what it flies
+                self.problem = "it sends items as MISSION_ITEM, without full coordinates: update its firmware"
+                self.finish()
         elif message["type"] == ERROR and self._count is not None:
             # Either it has ended the transfer, and is silent from now on, or this answers a packet that came late.
             self._tries = max(self._tries, _FORGOTTEN_TRIES - _DOUBTED_TRIES)

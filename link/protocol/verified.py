@@ -168,6 +168,7 @@ class _Run:
         self.differences: tuple[Difference, ...] = ()
         self._texts = len(job.texts())
         self._sent = -1
+        self._unread = ""
 
     def outcome(self, state: UploadState, holds: str, reason: str = "", items: tuple[int, ...] = ()) -> UploadOutcome:
         differences = () if state is UploadState.VERIFIED else self.differences
@@ -199,7 +200,7 @@ class _Run:
             reason, concerned = self._why(up), self._ours(up)
             found = yield from self._read_back(self.job.part)
             if found is None:
-                return self.outcome(UploadState.UNKNOWN, self._may_hold(), "it cannot be read back: no answer")
+                return self.outcome(UploadState.UNKNOWN, self._may_hold(), f"it cannot be read back: {self._unread}")
             if not self.differences:
                 return (yield from self._judged(up.heard_s, said))
             if up.end is UploadEnd.REFUSED or (up.end is UploadEnd.BROKEN and up.asked < 0):
@@ -230,6 +231,7 @@ class _Run:
             down = self.download("reading back")
             yield down
             if down.items is None:
+                self._unread = down.problem
                 continue
             found = down.items
             self.differences = compare(wanted, found, self.job.family)

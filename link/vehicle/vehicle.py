@@ -6,6 +6,7 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from skyway.link.logs.common.vehicle_kind import MAV_KINDS
 from skyway.link.protocol.command import RESULTS, AskFor, Place, SetCurrent
 from skyway.link.protocol.download import Clear, Download
 from skyway.link.protocol.mission_words import ACCEPTED, MissionKind, in_words
@@ -58,7 +59,10 @@ CAPABILITIES = {
     16384: "fences",
     32768: "rally points",
 }
-TYPES = {1: "plane", 2: "quadrotor", 3: "coaxial", 4: "helicopter", 13: "hexarotor", 14: "octorotor", 20: "VTOL"}
+TYPES: dict[int, str] = {
+    **MAV_KINDS, 1: "plane", 2: "quadrotor", 3: "coaxial", 4: "helicopter", 13: "hexarotor", 14: "octorotor",
+}  # fmt: skip
+"""MAV_TYPE in words."""
 
 
 @dataclass(frozen=True, slots=True)

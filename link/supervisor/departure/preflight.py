@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
+from skyway.link.logs.common.vehicle_kind import MAV_KINDS
 from skyway.link.supervisor.departure.health_of_day import health_of_day
 from skyway.link.supervisor.departure.parameter_changes import ParameterChange
 from skyway.link.supervisor.flight.crash import LIES_DEG, leans_deg
@@ -88,7 +89,13 @@ def _identity(ctx: Context) -> Iterator[Check]:
         yield Check("vehicle", "no", f"{who} is not the drone that began this delivery: connect that drone")
     else:
         ctx.observed.identify(ctx.observed.uid or who.uid)
-        yield Check("vehicle", "ok", str(who))
+        flies = MAV_KINDS.get(who.kind) in (None, "multirotor", "helicopter")
+        yield Check(
+            "vehicle",
+            "ok" if flies else "no",
+            f"{who}{'' if flies else ': skyway flies multirotors only'}",
+            waits=not flies,
+        )
     try:
         ctx.vehicle.check_ground_station()
     except VehicleTimeoutError as error:

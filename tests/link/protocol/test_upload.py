@@ -272,6 +272,22 @@ def test_a_vehicle_that_never_takes_an_upload_says_so_within_half_a_minute(famil
     assert scene.lockstep.now_s < begun_s + 30.0
 
 
+@pytest.mark.parametrize("family", FAMILIES)
+def test_a_vehicle_that_sends_items_as_floats_is_named(family):
+    its = FrameWriter(1, 1)
+
+    def spoil(number, message, frame, up):
+        if up or message is None or message.name != "MISSION_ITEM_INT":
+            return frame
+        return its.frame("MISSION_ITEM", message.fields | {"x": message["x"] * 1e-7, "y": message["y"] * 1e-7})
+
+    scene = Scene(family, spoil=spoil)
+    outcome = scene.upload(NEW)
+    assert outcome.state is UploadState.UNKNOWN
+    assert "sends items as MISSION_ITEM" in outcome.reason
+    assert outcome.blocks_start
+
+
 def test_in_the_air_a_mixture_is_not_rolled_back_but_told():
     wrong = Mission((*NEW.items[:3], MissionItem(Command.NAV_WAYPOINT, 1, z=5.0), *NEW.items[3:]))
     scene = with_old("ardupilot")

@@ -212,6 +212,19 @@ def test_a_second_battery_that_is_nearly_empty_keeps_the_drone_on_the_ground(tmp
     assert re.search(r"battery 1 reports 5 %, \d+ % needed: charge or replace it", outcome.reason), outcome
 
 
+def test_a_vehicle_that_is_no_multirotor_does_not_take_off(tmp_path):
+    def spoil(number, message, frame, up):
+        beats = not up and message is not None and message.name == "HEARTBEAT"
+        return changed_frame(message, type=22) if beats else frame
+
+    stage = Stage(Story(supervised=False, **SHORT), tmp_path)
+    connect = stage.lockstep.connect
+    stage.lockstep.connect = lambda *given, **named: Meddler(connect(*given, **named), spoil)
+    outcome = stage.fly()
+    assert outcome.state == "stopped-safe"
+    assert "VTOL: skyway flies multirotors only" in outcome.reason
+
+
 @pytest.mark.parametrize("autopilot", BOTH)
 def test_what_the_autopilot_refuses_is_told_once_with_its_count(autopilot, tmp_path):
     stage = Stage(Story(autopilot=autopilot, faults=(parse_fault("prearm@0s+60s"),), **SHORT), tmp_path)
