@@ -239,11 +239,13 @@ SHOWN = frozenset({"state", "change", "reboot", "link", "turn", "check", "waits"
 def line_of(record: Record, zone: tzinfo = UTC) -> str | None:
     """Describe a record of the journal in a line, its time in a zone; None for those that a person need not see."""
     from skyway.link.supervisor.journal.entries import Tracked
+    from skyway.link.supervisor.states import State
 
     at_s = of.instant_s(record.time)
     clock = "unknown time" if at_s is None else zone_clock(from_posix(at_s), zone)
     if (entry := record.entry(Tracked)) is not None and entry.expected.left_s is not None:
-        return f"{clock}  {record.state:<12} {_flight_line(entry)}"
+        old = "last heard: " if record.state == State.LOST_LINK else ""
+        return f"{clock}  {record.state:<12} {old}{_flight_line(entry)}"
     return f"{clock}  {record.state:<12} {record.reason}" if record.event in SHOWN else None
 
 

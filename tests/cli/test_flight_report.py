@@ -426,6 +426,17 @@ def test_what_limits_the_speed_is_shown_while_it_does(records):
     assert "limited" not in line_of(free)
 
 
+def test_what_was_heard_before_the_link_was_lost_is_not_shown_as_current(records):
+    view = FlightView(Console(width=100))
+    track = next(r for r in of_kind(records, "track") if r.data.get("cross_track_m") is not None)
+    view.take(next(r for r in of_kind(records, "leg") if r.flight == track.flight))
+    lost = msgspec.structs.replace(track, state="lost-link")
+    assert "lost-link    last heard: " in line_of(lost)
+    assert "last heard" not in line_of(track)
+    assert [str(column.header) for column in view.table(lost).columns][2] == "last heard"
+    assert [str(column.header) for column in view.table(track).columns][2] == "actual"
+
+
 def test_a_terminal_gets_the_table_and_a_pipe_gets_lines(records, capsys):
     shown = records[:120]
     screen = Console(force_terminal=True, width=100)

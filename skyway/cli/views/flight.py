@@ -181,12 +181,15 @@ class FlightView:
         """Return expected beside actual values, from a ``track`` record."""
         from rich.table import Table
 
+        from skyway.link.supervisor.states import State
+
         to = Tracked.read(record.data).expected.destination or (None if self._leg is None else self._leg.destination)
         at_s = of.instant_s(record.time)
         clock = UNKNOWN if at_s is None else zone_clock(from_posix(at_s), self._zone)
         head = f"{clock}  {record.state}" + (f"  flight {record.flight} to {to}" if to else "")
         found = Table(title=head, title_justify="left", title_style="bold")
-        for name, side in (("", "left"), ("expected", "right"), ("actual", "right")):
+        actual = "last heard" if record.state == State.LOST_LINK else "actual"
+        for name, side in (("", "left"), ("expected", "right"), (actual, "right")):
             found.add_column(name, justify="right" if side == "right" else "left")
         for row in self.rows(record):
             found.add_row(*row)
