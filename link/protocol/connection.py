@@ -336,6 +336,11 @@ class Connection(Carrier):
         elif message["autopilot"] != _INVALID_AUTOPILOT:
             self.namesake = True
 
+    def forget_address(self, system: int) -> None:
+        """Let the next packet in the name of a vehicle determine its address: the sender so far is another one."""
+        if self._routed is not None:
+            self._routed.forget(system)
+
     def keep_rates(self, numbers: Collection[int]) -> None:
         """Prevent other ground stations from changing the rates of these messages."""
         if self.forwarder is not None:

@@ -25,14 +25,31 @@ def lost_link(ctx: Context) -> After:
     alone = f"without the link {left_words(ctx)}" if before in IN_AIR else "the drone was on the ground"
     ctx.tell(f"link lost: {alone}. Sending no commands; listening until the drone answers")
     begun = ctx.clock.now_s()
+    strange: set[int] = set()
     while True:
         ctx.tick()
-        if ctx.vehicle.silent_s >= BACK_S or not ctx.vehicle.answers():
+        if ctx.vehicle.silent_s >= BACK_S or not ctx.vehicle.answers() or not _is_ours(ctx, strange):
             continue
         try:
             return _found_again(ctx, before, ctx.clock.now_s() - begun)
         except VehicleTimeoutError as error:
             ctx.note(LinkNote(), f"the link was lost again: {error}")
+
+
+def _is_ours(ctx: Context, strange: set[int]) -> bool:
+    """Whether what answers is the drone of this delivery; others, of the same system id, are told once, and kept in `strange`."""
+    if not ctx.observed.uid:
+        return True
+    who = ctx.vehicle.identify()
+    if ctx.observed.is_another(who.uid):
+        if who.uid not in strange:
+            strange.add(who.uid)
+            ctx.say(
+                LinkNote(),
+                f"{who} answers, but is not the drone of this delivery: listening on; give each its own system id",
+            )
+        ctx.vehicle.connection.forget_address(ctx.vehicle.system)
+    return who.uid == ctx.observed.uid
 
 
 def _found_again(ctx: Context, before: State, gone_s: float) -> After:

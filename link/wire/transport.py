@@ -121,6 +121,10 @@ class UdpSocket:
         self._routes[system] = (self._sender, now)
         return True
 
+    def forget(self, system: int) -> None:
+        """Forget the address of a vehicle."""
+        self._routes.pop(system, None)
+
     def write_to(self, system: int, data: bytes) -> None:
         """Send towards one vehicle, or to all if its address is unknown."""
         route = self._routes.get(system)

@@ -4,9 +4,11 @@ import random
 
 import pytest
 from cut_links import DIRECTIONS, DURATIONS_S, Cut, Moment, cut_stage, fly_cut, fly_each_cut, moments_of
+from wires import Meddler, changed_frame
 
-from benchmarks.link.deliveries import Story
+from benchmarks.link.deliveries import Stage, Story
 from skyway.link.supervisor import read_journal
+from skyway.sim_stub.faults import parse_fault
 
 AUTOPILOTS = ("px4", "ardupilot")
 SHORT_S = 120.0
@@ -54,6 +56,35 @@ def test_an_upload_of_ours_that_is_told_of_after_a_cut_is_not_somebody_elses(aut
     cuts = [Cut(Moment("ready"), direction, lasts_s) for direction in ("both", "down") for lasts_s in (4.5, 5.0, 5.5)]
     ended = fly_each_cut(short_delivery(autopilot), tmp_path, cuts)
     assert {end.kind for end in ended.values()} == {"delivered"}, ended
+
+
+def test_another_drone_of_the_same_id_that_answers_after_a_lost_link_is_not_ours(tmp_path):
+    """It may stand at the destination, and the delivery would be over."""
+    stage = Stage(
+        Story(start="jersey-city", to="hoboken", traffic=False, faults=(parse_fault("link-loss@100s+30s"),)), tmp_path
+    )
+    back_s, doubles = [], []
+
+    def spoil(number, message, frame, up):
+        if up or message is None:
+            return frame
+        now_s = stage.lockstep.now_s
+        if now_s > 130.0 and not back_s:
+            back_s.append(now_s)
+        if message.name == "AUTOPILOT_VERSION" and back_s and now_s < back_s[0] + 20.0:
+            doubles.append(now_s)
+            return changed_frame(message, uid=77)
+        return frame
+
+    connect = stage.lockstep.connect
+    stage.lockstep.connect = lambda *given, **named: Meddler(connect(*given, **named), spoil)
+    outcome = stage.fly()
+    assert doubles
+    assert outcome.delivered, outcome
+    said = [record for record in read_journal(stage.journal_path).records if record.event == "link"]
+    (strange,) = [record for record in said if "is not the drone of this delivery" in record.reason]
+    (back,) = [record for record in said if "the link is back" in record.reason]
+    assert back.time_s > strange.time_s + 10.0
 
 
 def test_a_cut_as_telemetry_is_asked_for_leaves_nothing_unknown_that_comes_a_second_later(tmp_path):

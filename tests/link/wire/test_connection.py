@@ -217,7 +217,17 @@ def test_each_of_several_vehicles_is_answered_at_its_own_address(monkeypatch):
     connection.pump(1.0)
     connection.send("PARAM_REQUEST_LIST", 2, target_system=2)
     assert "PARAM_REQUEST_LIST" in liar.heard()  # a vehicle behind a router that has got a new port
-    for one in (liar, *fleet.values()):
+    fleet[3].beat()
+    connection.pump(1.0)
+    other = Distant(port, 3)
+    other.beat()
+    assert connection.wait(lambda: connection.rejected.elsewhere == 2, 3.0)
+    connection.forget_address(3)  # what spoke from there was another one
+    other.beat()
+    connection.pump(1.0)
+    connection.send("PARAM_REQUEST_LIST", 3, target_system=3)
+    assert "PARAM_REQUEST_LIST" in other.heard()
+    for one in (other, liar, *fleet.values()):
         one.socket.close()
     connection.close()
 
