@@ -82,9 +82,10 @@ class AskFor(Question):
 
     give_up_s = 6.0
 
-    def __init__(self, target: Target, name: str, number: int) -> None:
+    def __init__(self, target: Target, name: str, number: int, *, late_s: float = 0.2) -> None:
+        """`late_s`: time after a refusal in which it may come all the same, as of a vehicle that streams it unasked."""
         super().__init__(target, "COMMAND_LONG", command=512, param1=float(number))
-        self.name, self.number = name, number
+        self.name, self.number, self._late_s = name, number, late_s
         self.message: Message | None = None
         """The message; None: no answer."""
 
@@ -94,7 +95,7 @@ class AskFor(Question):
             self.message = message
             self.finish()
         elif message.name == "COMMAND_ACK" and message["command"] == 512 and message["result"] not in (0, IN_PROGRESS):
-            self._end_s = self.next_s = now_s + 0.2
+            self._end_s = self.next_s = now_s + self._late_s
 
 
 class SetCurrent(Question):

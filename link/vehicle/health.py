@@ -43,6 +43,8 @@ _GLITCHES = 0x80 | 0x400 | 0x800 | 0x8000
 _FIX, _SATELLITES, _HDOP = 3, 6, 2.0
 _UNTOLD_EPH, _UNTOLD_SATELLITES, _UNTOLD_CELL = (0, 65535), 255, 65535
 _MOST_PARTS = 16
+_LATE_S, _STREAM_S = 0.2, 2.5
+"""Waits for a message after a refusal to send it; longer where it has come before."""
 _AWAY_S = 3.0
 """A vehicle that has been silent for longer is asked whether it still answers."""
 _BROKEN = {5: "failed", 6: "unhealthy"}
@@ -103,7 +105,10 @@ def look_at(vehicle: Vehicle, flown: Vibration | None = None) -> Iterator[Health
 
 
 def _told(vehicle: Vehicle, name: str, number: int) -> Mapping[str, Any] | None:
-    message = vehicle.carry_out(AskFor(vehicle.peer.target, name, number)).message
+    streams = name in vehicle.peer.latest  # old firmware cannot be asked, and tells it by itself
+    message = vehicle.carry_out(
+        AskFor(vehicle.peer.target, name, number, late_s=_STREAM_S if streams else _LATE_S)
+    ).message
     if message is None and vehicle.silent_s > _AWAY_S and not vehicle.answers():
         raise VehicleTimeoutError(name, vehicle.silent_s)
     return None if message is None else message.fields

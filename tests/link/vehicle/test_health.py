@@ -12,6 +12,7 @@ from skyway.link.vehicle import health
 from skyway.link.vehicle.health import HealthItem, Vibration, look_at
 from skyway.link.vehicle.health_book import NAME, HealthBook, VibrationWatch
 from skyway.link.vehicle.vehicle import Vehicle
+from skyway.link.wire.frames import FrameWriter
 from skyway.missions.autopilots.registry import family_named
 from skyway.models.base.errors import VehicleTimeoutError
 from skyway.models.base.units import parse_instant
@@ -221,6 +222,25 @@ def test_a_link_that_is_lost_amid_the_check_is_no_good_vehicle(family):
     cut.append(True)
     with pytest.raises(VehicleTimeoutError, match="did not answer"):
         list(items)
+
+
+def test_a_vehicle_that_cannot_be_asked_for_messages_is_judged_by_those_that_it_streams():
+    """PX4 before 1.11, and bridges: REQUEST_MESSAGE is unsupported."""
+    refused = FrameWriter(1, 1)
+
+    def spoil(number, message, frame, up):
+        if message is None or (up and message.name != "COMMAND_LONG") or (not up and message.name != "COMMAND_ACK"):
+            return frame
+        if up:
+            asks = message["command"] == 512
+            return changed_frame(message, command=31999) if asks else frame
+        return refused.frame("COMMAND_ACK", message.fields | {"command": 512}) if message["command"] == 31999 else frame
+
+    scene = aboard("px4", spoil=spoil)
+    scene.connection.run_for(3.0)
+    items = looked(scene)
+    assert {items[name].verdict for name in ("sensors", "filter", "GPS")} == {"ok"}, items
+    assert items["battery cycles"].verdict == "unknown"
 
 
 def group(index, count=6, info=0x3F, failures=(0, 0, 0, 0)):
