@@ -39,6 +39,8 @@ _MAX_SAMPLES, _MAX_CHANGES = 1000, 200
 _ARMED = 128
 _MAX_PARAMETERS = 10_000
 _UNTOLD = "untold"
+_BYTEWISE, _AS_NUMBERS = 16, 131072
+"""Of MAV_PROTOCOL_CAPABILITY: how whole numbers of parameters travel."""
 _IDS = struct.Struct("<III")
 _IDS_AT = 6
 """Fields of MISSION_CURRENT with the ids of stored lists (added to MAVLink in 2023; pymavlink's tables are older)."""
@@ -100,6 +102,8 @@ class VehicleMonitor:
             raise InputError(Fault("an autopilot that skyway does not know", value=self.peer.autopilot, remedy=remedy))
         self.family = family
         """Its autopilot's."""
+        self.resembles = own is None
+        """Its autopilot is another one, of which a person says that it resembles this family."""
         self.live = LiveTelemetry(self.peer.system)
         """Its telemetry."""
         self.rates = RateKeeper(self.live)
@@ -165,6 +169,13 @@ class VehicleMonitor:
             for asked, fields in self._lists.ask(self.connection.clock.now_s()):
                 self.connection.send(asked, self.system, **fields, **self._addressed)
 
+    @property
+    def bytewise_parameters(self) -> bool:
+        """Whether whole numbers of parameters travel as the bytes of a float: as in its family, or as it says itself if it only resembles it."""
+        told = self.peer.latest.get("AUTOPILOT_VERSION") if self.resembles else None
+        ways = 0 if told is None else told["capabilities"] & (_BYTEWISE | _AS_NUMBERS)
+        return self.family.bytewise_parameters if ways in (0, _BYTEWISE | _AS_NUMBERS) else ways == _BYTEWISE
+
     def watch_lists(self, *, watched: bool) -> None:
         """Poll its stored lists regularly, if it does not report their ids itself."""
         self._lists = StoredLists(self.family.home_items) if watched else None
@@ -180,7 +191,7 @@ class VehicleMonitor:
 
     def _note_parameter(self, message: Message) -> None:
         """Compare a parameter with its last report."""
-        told = read_value(message, bytewise=self.family.bytewise_parameters)
+        told = read_value(message, bytewise=self.bytewise_parameters)
         before = self._parameters.get(told.name)
         if before is None and len(self._parameters) >= _MAX_PARAMETERS:
             return

@@ -135,7 +135,7 @@ def _parameters(vehicle: Vehicle, places: Sequence[Calibration]) -> Mapping[str,
     names = tuple(dict.fromkeys(name for place in places for name in place.names))
     if not names:
         return {}
-    read = ReadParameters(vehicle.peer.target, names, bytewise=vehicle.family.bytewise_parameters)
+    read = ReadParameters(vehicle.peer.target, names, bytewise=vehicle.bytewise_parameters)
     return {name: one.value for name, one in vehicle.carry_out(read).found.items()}
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, TypeVar
 
-from skyway.link.protocol.command import ACCEPTED, RESULTS, Command, Place
+from skyway.link.protocol.command import ACCEPTED, RESULTS, AskFor, Command, Place
 from skyway.link.protocol.parameters import (
     GIVE_UP_S,
     PARAMETER_ERRORS,
@@ -47,6 +47,7 @@ class AskedVehicle(VehicleMonitor):
     def __init__(self, connection: Connection, system: int | None = None, autopilot: str | None = None) -> None:
         super().__init__(connection, system, autopilot)
         self._runner: Carrier = connection
+        self._asked_version = False
         self.own_names: dict[str, tuple[str, str]] = {}
         """Name and unit of settings, by their key, for firmware that calls them by a name that skyway does not know."""
 
@@ -101,10 +102,17 @@ class AskedVehicle(VehicleMonitor):
             self.connection.run_for(0.2)  # its reasons may come after the answer
             raise CommandRefusedError(what, RESULTS.get(result, f"answer {result}"), self.peer.texts_since(said)[-3:])
 
+    def _bytewise(self) -> bool:
+        """How its parameters are read; one that only resembles its family is asked first, once."""
+        if self.resembles and not self._asked_version and "AUTOPILOT_VERSION" not in self.peer.latest:
+            self._asked_version = True
+            self._do(AskFor(self.peer.target, "AUTOPILOT_VERSION", int(_VERSION)))
+        return self.bytewise_parameters
+
     def read_parameters(self, names: Sequence[str]) -> ReadParameters:
         """Read parameters by name, and tell which of them the vehicle does not have."""
         self.relied_on.update(names)
-        return self._do(ReadParameters(self.peer.target, names, bytewise=self.family.bytewise_parameters))
+        return self._do(ReadParameters(self.peer.target, names, bytewise=self._bytewise()))
 
     def parameter(self, name: str) -> ParameterValue:
         """Read a parameter.
@@ -128,7 +136,7 @@ class AskedVehicle(VehicleMonitor):
         if not math.isfinite(value):
             raise InputError(Fault("not a finite number", field=name, value=value))
         kind = self.parameter(name).kind
-        bytewise = self.family.bytewise_parameters
+        bytewise = self._bytewise()
         for _ in range(SETS):
             self.expect(f"parameter {name}")
             given = SetParameter(self.peer.target, name, value, kind, bytewise=bytewise)
@@ -143,7 +151,7 @@ class AskedVehicle(VehicleMonitor):
 
     def parameters(self) -> dict[str, ParameterValue]:
         """Read all parameters, by name."""
-        found = self._do(ListParameters(self.peer.target, bytewise=self.family.bytewise_parameters))
+        found = self._do(ListParameters(self.peer.target, bytewise=self._bytewise()))
         if not found.complete:
             raise VehicleTimeoutError(f"all parameters: {len(found.found)} of {found.total or 'unknown'} came", 8.0)
         return {value.name: value for value in found.found.values()}

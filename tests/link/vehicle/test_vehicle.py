@@ -1,6 +1,7 @@
 """What one does with a vehicle, on both autopilots, in virtual time."""
 
 import math
+import struct
 from itertools import pairwise
 
 import pytest
@@ -217,6 +218,37 @@ def test_a_vehicle_without_fences_says_so_and_keeps_its_mission(family):
     assert str(outcome).startswith("fence: refused; the vehicle holds what it held before: nothing was sent")
     scene.craft.clear(MissionKind.FENCE)
     assert len(scene.craft.download(MissionKind.MISSION)) == 5
+
+
+def as_number(value):
+    return float(struct.unpack("<i", struct.pack("<f", value))[0])
+
+
+def as_bytes(value):
+    return struct.unpack("<f", struct.pack("<i", round(value)))[0]
+
+
+@pytest.mark.parametrize("name", ["COM_DLL_EXCEPT", "RTL_TYPE"])
+def test_an_adapter_that_resembles_px4_says_itself_how_its_whole_parameters_travel(name):
+    def spoil(number, message, frame, up):
+        if message is None:
+            return frame
+        if not up and message.name == "HEARTBEAT":
+            return changed_frame(message, autopilot=0)
+        if not up and message.name == "AUTOPILOT_VERSION":
+            return changed_frame(message, capabilities=message["capabilities"] & ~16 | 131072)
+        if message.name in ("PARAM_VALUE", "PARAM_SET") and message["param_type"] == 6:
+            turned = as_bytes if up else as_number
+            return changed_frame(message, param_value=turned(message["param_value"]))
+        return frame
+
+    scene = Scene("px4", spoil=spoil)
+    craft = Vehicle(scene.connection, autopilot="px4")
+    before = scene.vehicle.autopilot.parameters[name]
+    assert craft.parameter(name).value == before
+    assert craft.set_parameter(name, before + 1.0).value == before + 1.0
+    assert scene.vehicle.autopilot.parameters[name] == before + 1.0
+    assert craft.parameters()[name].value == before + 1.0
 
 
 @pytest.mark.parametrize("family", FAMILIES)
