@@ -10,13 +10,15 @@ from skyway.link.supervisor.journal.entries import Met
 from skyway.link.supervisor.observed.link_watch import must_answer, request_telemetry
 from skyway.link.supervisor.resume import resume
 from skyway.link.supervisor.states import State, Turn
-from skyway.models.base.formatting import percent
+from skyway.models.base.formatting import duration, percent
 
 if TYPE_CHECKING:
     from skyway.link.supervisor.context import After, Context
 
 KNOWN_S = 45.0
 """Maximum wait for position, charge and arming state, s."""
+TOLD_S = 3.0
+"""Time after which such a wait is told, s."""
 LOOK_AGAIN_S = 15.0
 """Wait after a fault that would end a delivery before its start, s; then the vehicle is checked again."""
 
@@ -54,27 +56,35 @@ def connecting(ctx: Context) -> After:
 
 
 def _meet(ctx: Context) -> None:
-    """Wait until position, charge, arming and landed state are known."""
+    """Wait until position, charge, arming and landed state are known; what is waited for is told."""
     request_telemetry(ctx)
-    end = ctx.clock.now_s() + KNOWN_S
-    requested_s = ctx.clock.now_s()
-    while ctx.clock.now_s() < end:
+    begun_s = requested_s = ctx.clock.now_s()
+    told = False
+    while ctx.clock.now_s() < begun_s + KNOWN_S:
         ctx.tick()
-        s = ctx.observed.sample
-        if s is not None and ctx.place is not None and all(map(math.isfinite, (s.armed, s.landed, ctx.battery.soc))):
+        lacking = _lacking(ctx)
+        if not lacking:
             return
+        if not told and ctx.clock.now_s() > begun_s + TOLD_S:
+            told = True
+            ctx.tell(f"waiting for up to {duration(KNOWN_S)}: the drone does not report its {', its '.join(lacking)}")
         if ctx.clock.now_s() > requested_s + 10.0:
             must_answer(ctx, "the drone does not send the telemetry it was asked for")
             requested_s = ctx.clock.now_s()
             request_telemetry(ctx)
+    remedy = "check GPS, battery monitor and radio, then start again"
+    raise Turn(State.STOPPED, f"the drone does not report its {', its '.join(_lacking(ctx))}: {remedy}")
+
+
+def _lacking(ctx: Context) -> list[str]:
+    """What the drone has not reported yet, and must."""
     s = ctx.observed.sample
     lacking = ["position"] if ctx.place is None else []
     if not math.isfinite(ctx.battery.soc):
         lacking.append("state of charge")
     if s is None or not math.isfinite(s.armed + s.landed):
         lacking.append("armed and landed state")
-    remedy = "check GPS, battery monitor and radio, then start again"
-    raise Turn(State.STOPPED, f"the drone does not report its {', its '.join(lacking)}: {remedy}")
+    return lacking
 
 
 def _wrong_place(station: str | None, origin: str) -> str:

@@ -53,6 +53,7 @@ _CELL_SPREAD_V, _CELL_V = 0.1, (3.0, 4.4)
 _MOST_CYCLES = 300
 _CLIPS = 100
 _GROUP = 4
+_RECEIVER = ("GPS_RAW_INT", 24)
 _RANK = {"ok": 0, "unknown": 1, "no": 2}
 
 
@@ -96,12 +97,19 @@ def look_at(vehicle: Vehicle, flown: Vibration | None = None) -> Iterator[Health
     yield sensors(_told(vehicle, "SYS_STATUS", 1))
     yield filter_state(_told(vehicle, *family.filter_message), family)
     yield from calibrations(family.calibrations, _parameters(vehicle, family.calibrations))
-    yield receiver(_told(vehicle, "GPS_RAW_INT", 24))
+    yield receiver(_told(vehicle, *_RECEIVER))
     _told_by_parts(vehicle, "BATTERY_STATUS", 147, "id")
     yield packs(vehicle.batteries.reports(vehicle.connection.clock.now_s()))
     yield worst(cycles, _told_by_parts(vehicle, "SMART_BATTERY_INFO", 370, "id"))
     yield motors(_told_by_parts(vehicle, "ESC_INFO", 290, "index"))
     yield vibration(flown, family)
+
+
+def look_again(vehicle: Vehicle) -> Iterator[HealthItem]:
+    """Check what changes from minute to minute, of a vehicle that was found good today: sensors, filter and receiver."""
+    yield sensors(_told(vehicle, "SYS_STATUS", 1))
+    yield filter_state(_told(vehicle, *vehicle.family.filter_message), vehicle.family)
+    yield receiver(_told(vehicle, *_RECEIVER))
 
 
 def _told(vehicle: Vehicle, name: str, number: int) -> Mapping[str, Any] | None:

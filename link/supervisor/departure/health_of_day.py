@@ -1,10 +1,10 @@
-"""Calibration and health in the checklist before a take-off: checked once a day, and stored."""
+"""Calibration and health in the checklist before a take-off: checked once a day, and stored; what changes by the minute each time."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from skyway.link.vehicle.health import look_at
+from skyway.link.vehicle.health import look_again, look_at
 from skyway.models.base.formatting import date_clock
 from skyway.models.base.units import parse_instant
 
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 def health_of_day(ctx: Context) -> tuple[Verdict, str] | None:
-    """Return whether the drone was found healthy today, and the findings; None if no check is configured.
+    """Return whether the drone was found healthy today, and still is, and the findings; None if no check is configured.
 
     Raises a `VehicleTimeoutError` if it does not answer.
     """
@@ -25,8 +25,14 @@ def health_of_day(ctx: Context) -> tuple[Verdict, str] | None:
         return None
     passed = book.passed_today(uid, ctx.now_s)
     if passed is not None:
+        verdict, said = _verdict(tuple(look_again(ctx.vehicle)))
+        if verdict != "ok":
+            return verdict, said
         unknown = [one.name for one in passed.items if one.verdict == "unknown"]
-        return "ok", f"checked at {date_clock(parse_instant(passed.time), named=True)}{_not_known(unknown)}"
+        return (
+            "ok",
+            f"checked at {date_clock(parse_instant(passed.time), named=True)}; now: {said}{_not_known(unknown)}",
+        )
     items = tuple(look_at(ctx.vehicle, book.last_flight(uid)))
     book.add(uid, ctx.now_s, items)
     return _verdict(items)

@@ -199,6 +199,27 @@ def test_a_wrong_home_height_is_told_while_it_is_waited_for(tmp_path):
     assert entry.time_s < records[-1].time_s - 60.0  # at once, not at the end
 
 
+def test_what_is_waited_for_at_the_beginning_is_told_at_once(tmp_path):
+    stage = Stage(Story(supervised=False, faults=(parse_fault("soc-unknown"),), **SHORT), tmp_path)
+    operator = answering(stage, "yes")
+    begun_s = stage.lockstep.clock.now_s()
+    first_s = []
+
+    def look(ctx):
+        if not first_s and any("waiting for up to 45 s" in line for line in operator.lines):
+            first_s.append(stage.lockstep.clock.now_s() - begun_s)
+
+    outcome = stage.fly(on_tick=look)
+    assert outcome.state == "stopped-safe"
+    assert "does not report its state of charge" in outcome.reason
+    assert [
+        line
+        for line in operator.lines
+        if "waiting for up to 45 s: the drone does not report its state of charge" in line
+    ]
+    assert first_s[0] < 15.0
+
+
 def test_a_second_battery_that_is_nearly_empty_keeps_the_drone_on_the_ground(tmp_path):
     def spoil(number, message, frame, up):
         told = not up and message is not None and message.name == "BATTERY_STATUS"

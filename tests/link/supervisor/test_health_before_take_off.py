@@ -44,6 +44,15 @@ def test_it_is_looked_at_once_a_day(autopilot, tmp_path):
     assert "unknown: battery cells" in told[0]
     _, again = Hangar(tmp_path, autopilot, depart=LATER).checked()
     assert again[0].startswith("checked at ")
+    assert "; now: sensors, filter, GPS; unknown: battery cells" in again[0]
+
+
+def test_what_went_wrong_since_the_check_of_the_day_keeps_it_on_the_ground(tmp_path):
+    Hangar(tmp_path).checked()
+    outcome, told = Hangar(tmp_path, depart=LATER, faults=["sensor-ill=compass"]).checked()
+    assert outcome.state == "stopped-safe"
+    assert "sensors: not healthy: compass" in outcome.reason
+    assert told[0] == "sensors: not healthy: compass"
 
 
 @pytest.mark.slow
