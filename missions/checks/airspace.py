@@ -134,15 +134,26 @@ def _ways(
     lat, lon = np.array([knot.point.lat for knot in knots]), np.array([knot.point.lon for knot in knots])
     ground_m = _grounds(knots, lat, lon)
     terrain = np.array([mission.items[knot.item].frame in TERRAIN_FRAMES for knot in knots])
-    over_terrain = ground_m + np.array([mission.items[knot.item].z for knot in knots])
+    clearance_m = np.array([mission.items[knot.item].z for knot in knots])
+    if leg.landing == "land":  # the way to a landing is flown at the height before it
+        terrain[-1], clearance_m[-1] = terrain[-2], clearance_m[-2]
+    if not math.isfinite(zero_m):
+        over = None
+    if over is not None and terrain.any():
+        below_m = over.terrain.ground_m(lat, lon) - zero_m
+        ground_m = np.where(terrain & np.isfinite(below_m), below_m, ground_m)
+    over_terrain = ground_m + clearance_m
     height_m = np.where(terrain, over_terrain, np.array([knot.height_m for knot in knots]))
     places = lat[:-1], lon[:-1], lat[1:], lon[1:]
     ways = flown_at(places, (height_m[:-1], height_m[1:]), (ground_m[:-1], ground_m[1:]))
     above_sea = flown_at(places, (zero_m + height_m[:-1], zero_m + height_m[1:]), (math.nan, math.nan))
     ways = ways._replace(low_m=above_sea.low_m, high_m=above_sea.high_m)
-    if over is not None and math.isfinite(zero_m):
+    if over is not None:
         low, high = _above_terrain(lat, lon, zero_m + height_m, over)
         ways = ways._replace(low_agl_m=low, high_agl_m=high)
+        if terrain.any():
+            lowest, highest = _above_terrain(lat, lon, np.zeros(len(lat)), over)
+            ways = _following(ways, terrain[1:], clearance_m[1:], (-highest, -lowest), height_m[:-1] - ground_m[:-1])
     parts = [ways]
     items = [knot.item for knot in knots[1:]]
     ends = [0, len(knots) - 1] if leg.landing == "land" else [0]
@@ -153,6 +164,23 @@ def _ways(
         parts.append(at_any_height(np.array([last.lat]), np.array([last.lon]), home.lat, home.lon))
         items.append(leg.steps[-1].item)
     return together(*parts), tuple(items)
+
+
+def _following(
+    ways: Ways,
+    follows: NDArray[np.bool_],
+    clearance_m: NDArray[np.float64],
+    ground_m: tuple[NDArray[np.float64], NDArray[np.float64]],
+    begin_agl_m: NDArray[np.float64],
+) -> Ways:
+    """Return ways of which some follow the terrain at a clearance, given the lowest and the highest ground below each."""
+    lowest, highest = ground_m
+    return ways._replace(
+        low_m=np.where(follows, np.minimum(ways.low_m, lowest + clearance_m), ways.low_m),
+        high_m=np.where(follows, np.maximum(ways.high_m, highest + clearance_m), ways.high_m),
+        low_agl_m=np.where(follows, np.minimum(begin_agl_m, clearance_m), ways.low_agl_m),
+        high_agl_m=np.where(follows, np.maximum(begin_agl_m, clearance_m), ways.high_agl_m),
+    )
 
 
 def _above_terrain(

@@ -10,7 +10,7 @@ import numpy as np
 from skyway.missions.checks.limits import USUAL_CEILING_M
 from skyway.missions.checks.near_stations import NearStations
 from skyway.missions.items.altitude_frames import TERRAIN_FRAMES
-from skyway.missions.items.commands import LAND_COMMANDS, TAKEOFF_COMMANDS
+from skyway.missions.items.commands import LAND_COMMANDS, TAKEOFF_COMMANDS, Command
 from skyway.missions.items.finding import Finding
 from skyway.models.base import geodesy
 from skyway.models.base.formatting import distance_text, height_text, place_text
@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from skyway.missions.checks.route import Route, RouteLeg
+    from skyway.missions.items.coordinates import Point
     from skyway.missions.items.mission import Mission
     from skyway.models.flight.way_heights import Over
     from skyway.models.network.station import Station
@@ -92,7 +93,7 @@ def _home_m(
     """
     if leg.start is None:
         return math.nan, []
-    ground = float(over.terrain.ground_m(np.array([leg.start.lat]), np.array([leg.start.lon]))[0])
+    ground = _ground_at(over, leg.start)
     home = mission.home.altitude_m if first and mission.home is not None else None
     said = near.ground_m(leg.start) if home is None else home
     if said is None or (math.isnan(ground) and home is None):
@@ -105,24 +106,33 @@ def _home_m(
     return ground, [Finding("warning", None, "home-off-terrain", message, remedy)]
 
 
+def _ground_at(over: Over, point: Point) -> float:
+    return float(over.terrain.ground_m(np.array([point.lat]), np.array([point.lon]))[0])
+
+
 def _way(mission: Mission, leg: RouteLeg, over: Over, zero_m: float) -> _Way | None:
     """Sample a flight: vertical climbs and descents are omitted; None if nothing is known of it."""
     if leg.start is None or not leg.steps or math.isnan(zero_m):
         return None
     every_m = max(over.terrain.spacing_m, 5.0)
     at, height_m, flown_m = leg.start, math.nan, 0.0
+    followed_m: float | None = None
     parts: list[tuple[NDArray[np.float64], ...]] = []
     path: list[tuple[float, float]] = []
     for step in leg.steps:
         command = mission.items[step.item].command
         above = mission.items[step.item].frame in TERRAIN_FRAMES
         length, bearing = (float(one) for one in geodesy.inverse(at.lat, at.lon, step.point.lat, step.point.lon))
-        level = step.height_m + (0.0 if above else zero_m)
+        level = step.height_m + (_ground_at(over, step.point) if above else zero_m)
         begin, end = height_m, level
         if command in TAKEOFF_COMMANDS or math.isnan(begin):
             begin = level  # vertical climb first
-        elif command in LAND_COMMANDS:
+        elif command in LAND_COMMANDS or command == Command.NAV_RETURN_TO_LAUNCH:
             end = begin  # vertical descent at the end
+        if command not in LAND_COMMANDS:
+            followed_m = step.height_m if above else None
+        elif not above:
+            followed_m = None
         if length > _COLUMN_M and math.isfinite(begin + end):
             count = min(math.ceil(length / every_m) + 1, MAX_SAMPLES)
             share = np.linspace(0.0, 1.0, count)
@@ -130,13 +140,13 @@ def _way(mission: Mission, leg: RouteLeg, over: Over, zero_m: float) -> _Way | N
                 np.full(count, at.lat), np.full(count, at.lon), np.full(count, bearing), share * length
             )
             heights = begin + share * (end - begin)
-            if above:
-                heights = step.height_m + over.terrain.ground_m(lat, lon)
+            if followed_m is not None:
+                heights = followed_m + over.terrain.ground_m(lat, lon)
             parts.append((lat, lon, flown_m + share * length, heights, np.full(count, float(step.item))))
             path += [(flown_m, float(heights[0])), (flown_m + length, float(heights[-1]))]
         flown_m += length
         at = step.point
-        height_m = float(parts[-1][3][-1]) if above and parts else level
+        height_m = level
     if not parts or sum(len(part[0]) for part in parts) > 5 * MAX_SAMPLES:
         return None
     lat, lon, along, heights, item = (np.concatenate(one) for one in zip(*parts, strict=True))
