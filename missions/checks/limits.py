@@ -53,15 +53,31 @@ def check_speeds(mission: Mission, drone: Drone) -> Iterator[Finding]:
 
 
 def check_home_distance(mission: Mission, route: Route) -> Iterator[Finding]:
-    """Check the way to the first position."""
+    """Check the way to the first position, and that it is known where it begins."""
     steps = route.steps
     home = mission.home
-    if home is not None and steps:
+    if home is None:
+        yield from _home_unknown(mission, route)
+    elif steps:
         first = steps[0]
         away = geodesy.distance_m(home.point.lat, home.point.lon, first.point.lat, first.point.lon)
         if away > FAR_FROM_HOME_M:
             message = f"the first position is {distance_text(away)} from the planned home: PX4 refuses more than 10 km"
             yield Finding("warning", first.item, "far-from-home", message, "correct the home, or the position")
+
+
+def _home_unknown(mission: Mission, route: Route) -> Iterator[Finding]:
+    """Tell what the ways from home and back are taken to be where the file does not say where home is."""
+    if not route.steps:
+        return
+    first = route.steps[0]
+    if mission.items[first.item].command in TAKEOFF_COMMANDS:
+        if any(leg.landing == "return" for leg in route.legs):
+            message = "home is not in the file: the flight is taken to return to the place of its first TAKEOFF"
+            yield Finding("info", first.item, "home-unknown", message, "set the planned home")
+    elif any(item.command in (*TAKEOFF_COMMANDS, Command.NAV_RETURN_TO_LAUNCH) for item in mission.items):
+        message = "home is not in the file: it is taken to be at this first position, and the way there is not counted"
+        yield Finding("warning", first.item, "home-unknown", message, "set the planned home")
 
 
 def check_rally_distances(document: MissionDocument, route: Route) -> Iterator[Finding]:
@@ -124,9 +140,12 @@ def check_reach(route: Route, drone: Drone) -> Iterator[Finding]:
             f"is {distance_text(length[index])} from the position before, beyond the range of the vehicle"
             f" ({distance_text(reach)})"
         )
-        yield Finding(
-            "error", steps[index + 1].item, "too-far", message, "correct the coordinates, or land and recharge between"
-        )
+        here, there = steps[index].point, steps[index + 1].point
+        exchanged = abs(there.lon) <= 90.0 and geodesy.distance_m(here.lat, here.lon, there.lon, there.lat) <= reach
+        remedy = "correct the coordinates, or land and recharge between"
+        if exchanged:
+            remedy = "latitude and longitude look exchanged: correct the coordinates"
+        yield Finding("error", steps[index + 1].item, "too-far", message, remedy)
 
 
 def check_heights(mission: Mission, route: Route, stations: Sequence[Station] = ()) -> Iterator[Finding]:

@@ -25,6 +25,11 @@ DEFAULT_SPEED_MPS = 5.0
 """Speed if neither the mission nor its file gives one: PX4's default; ArduPilot's is 10."""
 
 
+CIRCLE_RADIUS_M, CIRCLE_DEGPS, CIRCLE_MPS2 = 10.0, 20.0, 2.5
+"""ArduPilot's defaults of a LOITER_TURNS: radius where the item gives 0 (CIRCLE_RADIUS), greatest rate (CIRCLE_RATE), and the
+acceleration of which a circle may take half (WPNAV_ACCEL)."""
+
+
 @dataclass(frozen=True, slots=True)
 class Step:
     """A place the vehicle goes to."""
@@ -103,9 +108,18 @@ class Route:
 def fly(mission: Mission, *, autopilot: Family | None = None, laps: int = 1) -> Route:
     """Follow a mission from its first item to its end; endless jumps are followed a number of times.
 
-    The autopilot matters: ArduPilot ignores the place of a TAKEOFF, and keeps its height for an altitude of 0.
+    The autopilot matters: ArduPilot ignores the place of a TAKEOFF, and keeps its height for an altitude of 0. Without a home it
+    returns to the first place.
     """
     return _Walk(mission, autopilot, laps).run()
+
+
+def _circles_s(item: MissionItem, speed_mps: float) -> float:
+    """Duration of a LOITER_TURNS, as ArduPilot flies it: no autopilot else flies it with a multirotor."""
+    radius = abs(item.param3) if math.isfinite(item.param3) and item.param3 != 0 else CIRCLE_RADIUS_M
+    fastest_mps = min(max(speed_mps, 0.1), math.sqrt(0.5 * CIRCLE_MPS2 * radius), math.radians(CIRCLE_DEGPS) * radius)
+    turns = item.param1 if item.param1 > 0 else 0.0
+    return turns * 2.0 * math.pi * radius / fastest_mps
 
 
 class _Walk:
@@ -116,8 +130,9 @@ class _Walk:
         self.laps = laps
         self.zero_means_as_it_is = autopilot is not None and autopilot.zero_means_as_it_is
         self.home = mission.home
+        self.launch: Point | None = mission.home.point if mission.home else None
         self.speed_mps = self.default_speed_mps = mission.hover_speed_mps or DEFAULT_SPEED_MPS
-        self.at: Point | None = mission.home.point if mission.home else None
+        self.at: Point | None = self.launch
         self.height_m = 0.0
         self.legs: list[RouteLeg] = []
         self.leg: RouteLeg | None = None
@@ -220,8 +235,8 @@ class _Walk:
         leg = self._open(number)
         leg.item_to = number
         leg.landing = "return"
-        if self.home is not None:
-            step = Step(number, self.home.point, self.height_m, self.speed_mps, taken=len(self.order) - 1)
+        if self.launch is not None:
+            step = Step(number, self.launch, self.height_m, self.speed_mps, taken=len(self.order) - 1)
             leg.steps.append(step)
         self._close(leg)
 
@@ -235,6 +250,8 @@ class _Walk:
             return
         if leg.start is None:
             leg.start = point
+        if self.launch is None:
+            self.launch = point
         self.height_m = self._height(item)
         hold_s = self._hold_s(item)
         leg.steps.append(Step(number, point, self.height_m, self.speed_mps, hold_s, len(self.order) - 1))
@@ -272,9 +289,7 @@ class _Walk:
         if item.command == Command.NAV_PAYLOAD_PLACE:
             return hover_s("place")  # it descends slowly until the package stands, releases it, and climbs back
         if item.command == Command.NAV_LOITER_TURNS:
-            radius = abs(item.param3) if math.isfinite(item.param3) else 0.0
-            turns = item.param1 if item.param1 > 0 else 0.0
-            return turns * 2.0 * math.pi * radius / max(self.speed_mps, 0.1)
+            return _circles_s(item, self.speed_mps)
         if item.command in (Command.NAV_WAYPOINT, Command.NAV_SPLINE_WAYPOINT, Command.NAV_LOITER_TIME):
             return item.param1 if item.param1 > 0 else 0.0
         return 0.0
