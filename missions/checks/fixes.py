@@ -19,11 +19,16 @@ _E7 = 10_000_000
 
 
 def fixed(document: MissionDocument, findings: Sequence[Finding]) -> tuple[MissionDocument, tuple[str, ...]]:
-    """Return the document with those findings fixed, and the changes, one a line."""
+    """Return the document with those findings fixed, and the changes, one a line.
+
+    Items of a survey or another pattern stay as they are: changed, they could no longer be edited as one.
+    """
     items = list(document.mission.items)
+    patterns = document.mission.complex_items
+    of_patterns = {number for one in patterns for number in range(one.first, one.first + one.count)}
     told = []
     for finding in findings:
-        if finding.code not in CERTAIN or finding.item is None:
+        if finding.code not in CERTAIN or finding.item is None or finding.item in of_patterns:
             continue
         before = items[finding.item]
         after = _zeros(before) if finding.code == "parameter-not-given" else _whole(before)

@@ -403,3 +403,68 @@ def test_errors_come_first_and_a_report_is_plain_json():
     assert set(raw["findings"][0]) == {"severity", "item", "code", "message", "remedy"}
     keys = {"item_from", "item_to", "distance_m", "time_s", "energy_wh", "soc_end", "p_reserve"}
     assert set(raw["legs"][0]) == keys
+
+
+def legs_of(*items, home=HOME, **fields):
+    return check(Mission(items, home, **fields), conditions=NAMED).legs
+
+
+def test_without_a_home_the_way_back_counts_to_the_first_place():
+    flight = (TAKEOFF, AWAY, RETURN)
+    (known,), (unknown,) = legs_of(*flight), legs_of(*flight, home=None)
+    assert unknown.distance_m == pytest.approx(known.distance_m) == pytest.approx(2 * 2224, rel=1e-3)
+    assert unknown.energy_j == pytest.approx(known.energy_j)
+    assert found(*flight, home=None, conditions=NAMED) == {("info", "home-unknown", 0)}
+    assert found(TAKEOFF, AWAY, LAND, home=None, conditions=NAMED) == set()
+
+
+def test_an_unknown_way_to_the_first_place_is_a_warning():
+    here = MissionItem(Command.NAV_TAKEOFF, Frame.GLOBAL_RELATIVE_ALT, z=60.0)
+    assert ("warning", "home-unknown", 1) in found(here, AWAY, RETURN, home=None)
+    assert ("warning", "home-unknown", 1) not in found(here, AWAY, RETURN)
+
+
+@pytest.mark.parametrize(
+    ("radius_m", "speed_mps", "turn_s"),
+    [
+        (0.0, 5.0, 18.0),  # CIRCLE_RADIUS 10 m at CIRCLE_RATE 20 degrees a second
+        (5.0, 5.0, 18.0),
+        (-30.0, 12.0, 2 * math.pi * 30 / math.sqrt(0.5 * 2.5 * 30)),  # half of WPNAV_ACCEL
+        (50.0, 2.0, 2 * math.pi * 50 / 2),
+    ],
+)
+def test_circles_take_as_long_as_ardupilot_flies_them(radius_m, speed_mps, turn_s):
+    circles = at(Command.NAV_LOITER_TURNS, 47.02, param1=10.0, param3=radius_m)
+    (with_them,) = legs_of(TAKEOFF, speed(speed_mps), circles, RETURN, firmware=3)
+    (without,) = legs_of(TAKEOFF, speed(speed_mps), AWAY, RETURN, firmware=3)
+    assert with_them.time_s - without.time_s == pytest.approx(10 * turn_s, rel=1e-6)
+
+
+def test_exchanged_coordinates_are_named():
+    exchanged = at(Command.NAV_WAYPOINT, 8.0, 47.02)
+    findings = check(Mission((TAKEOFF, exchanged, RETURN), HOME)).findings
+    assert next(one for one in findings if one.code == "too-far").remedy.startswith("latitude and longitude look exch")
+    far = at(Command.NAV_WAYPOINT, 40.0, 8.0)
+    findings = check(Mission((TAKEOFF, far, RETURN), HOME)).findings
+    assert next(one for one in findings if one.code == "too-far").remedy.startswith("correct the coordinates")
+
+
+def test_corrections_leave_a_pattern_editable():
+    from skyway.missions.checks.fixes import fixed
+
+    shot = {"type": "SimpleItem", "command": 2000, "frame": 2, "autoContinue": True, "params": [0, 0, 1, *[None] * 4]}
+    survey = {
+        "type": "ComplexItem",
+        "complexItemType": "survey",
+        "version": 5,
+        "TransectStyleComplexItem": {"version": 1, "Items": [shot]},
+    }
+    document = plan_reader.loads(
+        f'{{"fileType": "Plan", "mission": {{"items": {json_text([survey, shot])}}}}}'  # one in the survey, one after it
+    )
+    mended, told = fixed(document, check(document).findings)
+    assert [line.split(":")[0] for line in told] == ["item 1"]
+    again = plan_reader.loads(plan_writer.dumps(mended))
+    assert [dict(one.source) for one in again.mission.complex_items] == [survey]
+    assert again.mission.items[0] == document.mission.items[0]
+    assert again.mission.items[1].param4 == 0.0
