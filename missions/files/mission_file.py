@@ -17,6 +17,9 @@ if TYPE_CHECKING:
     from skyway.missions.items.document import MissionDocument
 
 MAX_BYTES = 32 * 1024 * 1024
+SAVE_AS_MISSION = (
+    "draw or import it in QGroundControl or Mission Planner, and save it as .plan or .waypoints; zones go with --zones"
+)
 SAVE_AS_UTF_8 = "save it as UTF-8, or write it again from the ground station"
 
 
@@ -50,6 +53,8 @@ def read(path: Path | str) -> MissionDocument:
 
 def loads(data: bytes, file: str = "mission") -> MissionDocument:
     """Read the bytes of a file of any of the formats; `file` is named in errors (`InputError`)."""
+    if data.startswith(b"PK\x03\x04"):
+        raise InputError("is a ZIP or KMZ archive, not a mission file", file, remedy=SAVE_AS_MISSION)
     try:
         text = data.decode("utf-8-sig")
     except UnicodeDecodeError as error:
@@ -66,6 +71,13 @@ def loads(data: bytes, file: str = "mission") -> MissionDocument:
         return legacy_files.loads_rally(text, file)
     if words and len(words[0]) == 2 and finite(words[0][0]) is not None:
         return legacy_files.loads_fence(text, file)
+    if head.startswith("<"):
+        raise InputError("is XML (KML, WPML, GPX), not a mission file", file, None, None, head[:40], SAVE_AS_MISSION)
+    if head.lower().startswith("latitude,longitude"):
+        raise InputError("is a table (Litchi), not a mission file", file, None, None, head[:40], SAVE_AS_MISSION)
+    if words and len(words[0]) == 12 and all(finite(cell) is not None for cell in words[0]):
+        remedy = f"the first line of a waypoint file is {waypoints_file.HEADER}"
+        raise InputError("is a waypoint file without its first line", file, 1, None, head[:40], remedy)
     remedy = "expected a .plan, a QGC WPL 110 file, or an ArduPilot fence or rally file"
     raise InputError("is not a known mission format", file, None, None, head[:40], remedy)
 

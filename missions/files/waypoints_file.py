@@ -115,7 +115,8 @@ def _read_row(cells: list[str], line: int, file: str, comment: list[str]) -> _Ro
         a, b, c, d, x, y, z = _float_cells(cells, line, file)
     if command in LOCATED_COMMANDS and frame in GLOBAL_FRAMES:
         if abs(x) > 90.0:
-            raise InputError("latitude is not between -90 and 90", file, line, None, x)
+            hint = "are latitude and longitude exchanged?" if abs(x) <= 180.0 and abs(y) <= 90.0 else None
+            raise InputError("latitude is not between -90 and 90", file, line, None, x, hint)
         if abs(y) > 180.0:
             raise InputError("longitude is not between -180 and 180", file, line, None, y)
     elif abs(x) > MAX_PARAM or abs(y) > MAX_PARAM:

@@ -37,6 +37,13 @@ def test_rally_lines_keep_what_we_do_not_use():
         ("RALLY 1 2 nan 4 5 6\n", "number out of range"),
         ("hello\n", "is not a known mission format"),
         ("", "is not a known mission format"),
+        ('<?xml version="1.0"?><kml/>', "is XML .*save it as .plan or .waypoints"),
+        ("latitude,longitude,altitude(m)\n47,8,50\n", "is a table .*save it as .plan or .waypoints"),
+        ("0 1 0 16 0 0 0 0 47 8 400 1\n", "is a waypoint file without its first line.*QGC WPL 110"),
+        (
+            "QGC WPL 110\n1 0 3 16 0 0 0 0 149.2 -35.4 60 1\n",
+            "latitude is not between.*are latitude and longitude exchanged",
+        ),
     ],
 )
 def test_wrong_lines_are_refused_with_line_and_reason(text, message):
@@ -47,3 +54,5 @@ def test_wrong_lines_are_refused_with_line_and_reason(text, message):
 def test_bytes_that_are_no_text_are_refused():
     with pytest.raises(InputError, match="is not UTF-8 text"):
         mission_file.loads(b"\xff\xfe\x00", "x")
+    with pytest.raises(InputError, match=r"x: is a ZIP or KMZ archive, not a mission file; .*\.plan or \.waypoints"):
+        mission_file.loads(b"PK\x03\x04\x14\x00", "x")
