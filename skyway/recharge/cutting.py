@@ -12,6 +12,7 @@ from skyway.missions.recharge.parts import PartBuilder
 from skyway.missions.recharge.spans import Cut
 from skyway.models.base.errors import Fault, InputError
 from skyway.models.base.formatting import duration, probability
+from skyway.models.base.views import counted
 from skyway.recharge.problem import RechargeOptions, problem_of, sure_ratio_of, surer
 from skyway.recharge.reasons import no_plan
 
@@ -119,7 +120,7 @@ def cut_as_planned(ready: Prepared, options: RechargeOptions) -> Recharged:
         return found
     if options.packs is not None:
         waits_s = sum(stop.leave_s - options.ground_s - options.swap_s - stop.on_pad_s for stop in plan.stops)
-        told_of_packs = f"of {options.packs} batteries, {options.chargers} charged at a time; total wait for full ones {duration(waits_s)}"
+        told_of_packs = f"of {counted(options.packs, 'pack')}, {options.chargers} charged at a time; total wait for full ones {duration(waits_s)}"
         return replace(found, notes=(*found.notes, told_of_packs))
     packs = f"{packs_needed(found)} batteries are needed, each charged as soon as it is removed"
     return replace(found, notes=(*found.notes, packs))
