@@ -45,6 +45,8 @@ class Family(ABC):
     """Whether a TAKEOFF climbs at the vehicle's position, whatever its place, and an altitude of 0 keeps the height."""
     open_yaw_deg: ClassVar[float]
     """Yaw of an item, or of a command, that leaves the choice to the vehicle."""
+    refuses_open_parameters: ClassVar[bool] = False
+    """Whether it refuses NaN, so that 0 is sent instead; otherwise NaN leaves the choice to the vehicle."""
     within_every_inclusion_area: ClassVar[bool] = False
     """Whether several inclusion areas of a fence mean all of them at once; otherwise any of them."""
     settings: ClassVar[Settings]

@@ -99,7 +99,7 @@ def check(
     legs = leg_energies(mission, route, flown_by)
     heights: tuple[LegHeights | None, ...] = ()
     findings = [
-        *check_structure(document, route),
+        *check_structure(document, route, autopilot),
         *check_home_distance(mission, route),
         *check_rally_distances(document, route),
         *check_fence(document, route, autopilot),

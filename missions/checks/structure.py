@@ -21,6 +21,7 @@ from skyway.models.base.views import counted
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
+    from skyway.missions.autopilots.family import Family
     from skyway.missions.checks.route import Route
     from skyway.missions.items.document import MissionDocument
     from skyway.missions.items.mission import Mission, MissionItem
@@ -31,8 +32,8 @@ _PLAIN_ALTITUDE_MODES = (0, 1, 2)
 """Altitude modes of QGroundControl in which its own altitude equals the one of the parameters."""
 
 
-def check_structure(document: MissionDocument, route: Route) -> Iterator[Finding]:
-    """Check take-off, landing, jumps and parameters that are not numbers."""
+def check_structure(document: MissionDocument, route: Route, autopilot: Family | None = None) -> Iterator[Finding]:
+    """Check take-off, landing, jumps and parameters that are not numbers; these are told unless the autopilot takes them."""
     mission = document.mission
     if not mission.items:
         yield Finding("info", None, "no-mission", f"there are no mission items; {_beside(document)}")
@@ -56,11 +57,23 @@ def check_structure(document: MissionDocument, route: Route) -> Iterator[Finding
                 " a few metres may differ"
             )
             yield Finding("info", pattern.first, "pattern-built", message, "open and save the plan in QGroundControl")
+    sends_zeros = autopilot is None or autopilot.refuses_open_parameters
     for number, item in enumerate(mission.items):
+        if sends_zeros:
+            yield from _open_parameters(number, item)
         yield from _not_numbers(number, item)
+        yield from _waits_until(number, item)
         if _has_a_place_in_no_global_frame(item):
             message = f"{item.name} has a place in frame {item.frame:d}: autopilots refuse it, or misread the place"
             yield Finding("error", number, "not-global", message, "give it in frame 0, 3 or 10: latitude and longitude")
+
+
+def _waits_until(number: int, item: MissionItem) -> Iterator[Finding]:
+    """Report a delay until a time of day: how long it lasts is not in the file."""
+    if item.command == Command.NAV_DELAY and item.param1 < 0 and max(item.param2, item.param3, item.param4) >= 0:
+        hours, minutes, seconds = (max(int(value), 0) if math.isfinite(value) else 0 for value in item.params[1:])
+        message = f"waits until {hours:02}:{minutes:02}:{seconds:02} UTC: time and energy of this wait are not counted"
+        yield Finding("warning", number, "wait-not-counted", message, "wait on the ground, or for a number of seconds")
 
 
 def _beside(document: MissionDocument) -> str:
@@ -153,13 +166,16 @@ def _uses_plain_param5(item: MissionItem) -> bool:
     return item.command in PLAIN_PARAM5_COMMANDS or (unnamed and not is_scaled(item.command, item.frame))
 
 
-def _not_numbers(number: int, item: MissionItem) -> Iterator[Finding]:
+def _open_parameters(number: int, item: MissionItem) -> Iterator[Finding]:
     free = ((3,) if item.command == Command.NAV_VTOL_LAND else ()) + ((4,) if item.command in YAW_COMMANDS else ())
     wrong = [i for i, value in enumerate(item.params, start=1) if math.isnan(value) and i not in free]
     if wrong:
         names = ", ".join(f"param{i}" for i in wrong)
         message = f"{item.name} leaves {names} open: ArduPilot refuses that, so it is sent as 0"
         yield Finding("info", number, "parameter-not-given", message, "write 0")
+
+
+def _not_numbers(number: int, item: MissionItem) -> Iterator[Finding]:
     for name, value in (("param5", item.param5_or_zero), ("param6", item.param6_or_zero)):
         if _uses_plain_param5(item) and not value.is_integer():
             message = f"{name} of {item.name} is {value:g}, and travels to the vehicle as {round(value)}"

@@ -100,6 +100,7 @@ class ArduPilot(Family):
     log_folders = ("/APM/LOGS", "/logs", "/var/APM/logs")  # a board's card; its simulator; Linux boards
     log_endings = (".bin",)
     home_items = 1
+    refuses_open_parameters = True
     within_every_inclusion_area = True
     stays_in_mission_after_landing = False
     zero_means_as_it_is = True

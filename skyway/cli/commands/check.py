@@ -118,17 +118,23 @@ def check(
         typer.echo(json_text(report, indent=1))
     else:
         if document.mission.items:
-            typer.echo(_circumstances(conditions, wind, None if region is None else depart))
+            speed_unknown = document.mission.hover_speed_mps is None
+            typer.echo(
+                _circumstances(conditions, wind, None if region is None else depart, speed_unknown=speed_unknown)
+            )
         _print_report(report)
     if not report.ok:
         raise typer.Exit(1)
 
 
-def _circumstances(conditions: FlightConditions, wind: str | None, depart: str | None) -> str:
+def _circumstances(conditions: FlightConditions, wind: str | None, depart: str | None, *, speed_unknown: bool) -> str:
     """Say in one line what the battery was checked with."""
+    from skyway.missions.checks.route import DEFAULT_SPEED_MPS
+
     air = f"wind {wind}" if wind else f"forecast for {depart}" if depart else "still air"
     assumed = " (assumed)" if conditions.drone_is_assumed else ""
-    return f"{conditions.drone.name}{assumed}, package {conditions.payload_kg:g} kg, {air}"
+    speed = f", {DEFAULT_SPEED_MPS:g} m/s until the mission sets a speed" if speed_unknown else ""
+    return f"{conditions.drone.name}{assumed}, package {conditions.payload_kg:g} kg, {air}{speed}"
 
 
 def _print_report(report: CheckReport) -> None:

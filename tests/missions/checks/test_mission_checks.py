@@ -274,6 +274,10 @@ def test_heights_above_sea_level_need_the_height_of_home():
 
 def test_parameters_left_open_where_the_command_does_not_allow_it_are_told():
     assert ("info", "parameter-not-given", 1) in found(TAKEOFF, MissionItem(93, 2, 5.0, math.nan), AWAY, LAND)
+    loiter = at(Command.NAV_LOITER_UNLIM, 47.02, param4=math.nan)  # PX4: the yaw as it is, which is not 0
+    told = {name: found(TAKEOFF, loiter, dialect=family_named(name)) for name in ("px4", "ardupilot")}
+    assert ("info", "parameter-not-given", 1) in told["ardupilot"]
+    assert ("info", "parameter-not-given", 1) not in told["px4"]
     assert found(TAKEOFF, at(Command.NAV_WAYPOINT, 47.01, param4=math.nan), LAND) == set()
 
 
@@ -468,3 +472,13 @@ def test_corrections_leave_a_pattern_editable():
     assert [dict(one.source) for one in again.mission.complex_items] == [survey]
     assert again.mission.items[0] == document.mission.items[0]
     assert again.mission.items[1].param4 == 0.0
+
+
+def test_a_wait_until_a_time_of_day_is_told():
+    until = MissionItem(Command.NAV_DELAY, Frame.MISSION, -1.0, 14.0, 30.0, 0.0)
+    findings = check(Mission((TAKEOFF, AWAY, until, LAND), HOME), conditions=NAMED).findings
+    assert [(one.code, one.item, one.message[:24]) for one in findings] == [
+        ("wait-not-counted", 2, "waits until 14:30:00 UTC")
+    ]
+    lasting = MissionItem(Command.NAV_DELAY, Frame.MISSION, 20.0, -1.0, -1.0, -1.0)
+    assert found(TAKEOFF, AWAY, lasting, LAND, conditions=NAMED) == set()
