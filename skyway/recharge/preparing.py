@@ -77,6 +77,9 @@ def prepared(
 ) -> Prepared:
     """Complete a mission, and determine its drone and possible landings. Raises an `InputError` with the obstacle."""
     given = len(document.mission.items)
+    if options.conditions.drone_is_assumed and (document.mission.is_for_wings or document.mission.is_for_the_surface):
+        kind = "an aeroplane or a VTOL" if document.mission.is_for_wings else "a rover, boat or submarine"
+        raise InputError(f"the mission was planned for {kind}", field="--drone", remedy="name the drone that flies it")
     mission, notes = _whole(document.mission, families, options)
     document = replace(document, mission=mission)
     flown_by, left_out = _that_fly(document, families, options, given)

@@ -2,6 +2,7 @@
 
 import json
 import re
+from dataclasses import replace
 from datetime import timedelta
 
 import pytest
@@ -183,6 +184,18 @@ def test_a_mission_without_a_home_gets_one_by_word(skyway, patrol):
 
 
 VANS = "van,lat,lon,elevation_m,from,until\nvan,47.3978,8.5450,488,{0},{1}\nvan,47.4045,8.5580,495,0:45,2:30\n"
+
+
+def test_a_mission_for_an_aeroplane_asks_for_the_drone(skyway, patrol):
+    document = read(patrol / "patrol.plan")
+    winged = replace(document, mission=replace(document.mission, vehicle_type=1))
+    write(winged, patrol / "winged.plan")
+    typed = ["recharge", str(patrol / "winged.plan"), "--pads", str(patrol / "pads.csv"), "-o", str(patrol / "out")]
+    answer = skyway(*typed)
+    assert answer.code == 2
+    assert "--drone: the mission was planned for an aeroplane or a VTOL; name the drone that flies it" in answer.err
+    assert not (patrol / "out").exists()
+    assert skyway(*typed, "--drone", "m200-v2").code == 0
 
 
 def test_a_van_is_landed_on_while_it_stands_there(skyway, patrol):
