@@ -13,6 +13,7 @@ from skyway.missions.items.commands import LAND_COMMANDS, TAKEOFF_COMMANDS, Comm
 from skyway.missions.items.finding import Finding
 from skyway.models.base import geodesy
 from skyway.models.base.formatting import distance_text, height_text
+from skyway.models.base.views import counted
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -165,7 +166,9 @@ def check_heights(mission: Mission, route: Route, stations: Sequence[Station] = 
             if not math.isnan(step.height_m):
                 known = step.item in over_stations
                 yield from _height(step, mission.items[step.item], leaves_m, -math.inf if known else lowest_m)
-            elif not known_ground and not math.isnan(mission.items[step.item].z):
+            elif (
+                not known_ground and mission.items[step.item].is_located and not math.isnan(mission.items[step.item].z)
+            ):
                 absolute.append(step.item)
     for number, item in enumerate(mission.items):
         # a take-off at the vehicle's position, whose place is not in the file
@@ -177,9 +180,7 @@ def check_heights(mission: Mission, route: Route, stations: Sequence[Station] = 
         ):
             yield _too_low(number, item.z)
     if absolute:
-        message = (
-            f"{len(absolute)} heights are above sea level but the height of home is unknown: they were not checked"
-        )
+        message = f"{counted(len(absolute), 'height')} above sea level, and the height of home is unknown: not checked, and climbs not counted"
         yield Finding("info", absolute[0], "height-reference", message, "give the altitude of the planned home")
 
 

@@ -270,6 +270,9 @@ def test_heights_above_sea_level_need_the_height_of_home():
     absolute = at(Command.NAV_WAYPOINT, 47.01, z=380.0, frame=Frame.GLOBAL)
     assert ("warning", "not-above-ground", 1) in found(TAKEOFF, absolute, LAND)
     assert ("info", "height-reference", 1) in found(TAKEOFF, absolute, LAND, home=Home(HOME.point, None))
+    report = check(Mission((TAKEOFF, absolute, RETURN), Home(HOME.point, None)))
+    (told,) = [one.message for one in report.findings if one.code == "height-reference"]
+    assert told.startswith("1 height above sea level")
 
 
 def test_parameters_left_open_where_the_command_does_not_allow_it_are_told():
