@@ -129,7 +129,7 @@ def test_a_capacity_beyond_the_highest_rate_has_no_upper_end(study, capsys):
     def told(share):
         found = find_capacity(study, [10, 40], [3600.0], [1], days=3, level=0.9, network=None, run=fake(share))
         print_capacity(found, 1.0)
-        return capsys.readouterr().out
+        return " ".join(capsys.readouterr().out.split())  # of terminals of any width
 
     assert "1 drone, due 1 h after they are ready: 40.0 orders an hour or more (95 %: at least 40.0)." in told(
         lambda rate: 0.95
