@@ -51,7 +51,7 @@ def planners(
     """Measure all planners, in the paper's experiment and on held-out days of wind.
 
     Writes a table (planners.md), all figures (planners.json) and pictures (SVG) into a folder. It takes about
-    45 minutes; with --quick, half a minute. What is measured: docs/explanation/evaluation.md.
+    20 minutes; with --quick, half a minute. What is measured: docs/explanation/evaluation.md.
 
     Examples
     --------
