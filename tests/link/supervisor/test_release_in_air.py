@@ -26,7 +26,7 @@ def story(autopilot, release, fault="", vehicle=None):
 @pytest.mark.parametrize(
     ("autopilot", "release", "fault", "vehicle", "proof", "word"),
     [
-        ("px4", "winch", "", {}, D, "told nothing, and the drone is lighter"),
+        ("px4", "winch", "", {}, D, "reported nothing, and the drone is lighter"),
         ("ardupilot", "winch", "", DAIWA, D, "m of line, and the drone is lighter"),
         ("ardupilot", "place", "", {}, D, "was placed"),
         ("px4", "winch", "winch-jammed", {}, N, "still on board"),

@@ -178,7 +178,7 @@ def test_a_lost_link_needs_nothing_and_the_vehicle_is_picked_up_again(autopilot,
 
 @pytest.mark.slow
 def test_a_battery_that_drops_makes_it_divert_with_the_reason(tmp_path):
-    story = Story(start="bellevue", to="yankee-stadium", soc=1.0, faults=told(["battery-drop=0.6@250s"]))
+    story = Story(start="bellevue", to="yankee-stadium", soc=1.0, faults=told(["battery-drop=0.6@150s"]))
     stage = Stage(story, tmp_path)
     outcome = stage.fly()
     assert outcome.state in ("delivered", "stopped-safe"), outcome
