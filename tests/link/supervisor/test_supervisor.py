@@ -187,10 +187,11 @@ def test_a_battery_that_drops_makes_it_divert_with_the_reason(tmp_path):
     assert "below the reserve with probability" in turned[0].reason
     assert turned[0].data["divert_soc"] > turned[0].data["soc_land"]
     assert not stage.craft.autopilot.crashed
-    back = [one.data for one in events(stage, "track") if one.state == "diverting"]
-    top_m = max(one["height_m"] for one in back)
-    level = [one for one in back if one["height_m"] > top_m - 1.0]  # no climb, no descent
-    slower = [one["commanded_mps"] - one["ground_speed_mps"] for one in level[4:-3]]  # nor turning about, nor braking
+    back = [one for one in events(stage, "track") if one.state == "diverting"]
+    about = [one.data for one in back if one.time_s > back[0].time_s + 25.0]  # it has turned about
+    top_m = max(one["height_m"] for one in about)
+    level = [one for one in about if one["height_m"] > top_m - 1.0]  # no climb, no descent
+    slower = [one["commanded_mps"] - one["ground_speed_mps"] for one in level[:-3]]  # nor braking
     assert len(slower) > 9
     assert all(abs(mps) < 2.5 for mps in slower), slower  # it flies as fast as it was told, not as on the way there
 
