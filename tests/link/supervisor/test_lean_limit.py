@@ -150,7 +150,9 @@ def test_a_delivery_against_the_wind_is_told_why_it_is_slow(autopilot, lean, see
         return
     assert told
     assert "limited by the lean limit of 10°" in told[0].reason
-    flown, commanded = re.search(r"([\d.]+) m/s over ground instead of the commanded ([\d.]+) m/s", told[0].reason).groups()
+    flown, commanded = re.search(
+        r"([\d.]+) m/s over ground instead of the commanded ([\d.]+) m/s", told[0].reason
+    ).groups()
     assert float(flown) < float(commanded) - 5.0
     late = [record.data for record in events(stage, "track") if record.data.get("limited")]
     assert late
