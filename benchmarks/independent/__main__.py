@@ -94,7 +94,8 @@ def main(argv: list[str] | None = None) -> int:
         if any(one["planned"] for one in mine):
             verdicts.append((verdict(mine), digest(mine)))
             print(verdicts[-1][0].line())
-            print("".join(f"{told.line()}\n" for told in told_arrivals(mine)), end="")
+            for arrivals in told_arrivals(mine):
+                print(arrivals.line())
         else:
             print(f"{name:<20} no order has a plan")
     if options.summary is not None:
@@ -121,8 +122,10 @@ def _merged(paths: list[Path]) -> int:
         if any(one["planned"] for one in mine):
             said = verdict(mine)
             print((said if name else replace(said, world="all of these")).line())
-            for line in (*(one.line() for one in told_and_met(mine)), *(one.line() for one in told_arrivals(mine))):
-                print(line)
+            for told in told_and_met(mine):
+                print(told.line())
+            for arrivals in told_arrivals(mine):
+                print(arrivals.line())
     return 0
 
 

@@ -30,7 +30,7 @@ from benchmarks.independent.product import planning, promise
 from benchmarks.independent.product.supervised import Supervised
 from benchmarks.independent.statistics import over_days
 from benchmarks.independent.study import Study, append_line, orders, read_lines
-from benchmarks.independent.verdict import RESERVE, SAME_TIME, TENTH_S
+from benchmarks.independent.verdict import RESERVE, in_time
 from benchmarks.independent.worlds import worlds
 
 if TYPE_CHECKING:
@@ -96,7 +96,7 @@ def kept(due_of: NDArray[np.float64], flown_s: NDArray[np.float64], day: NDArray
     for k, one in enumerate(day.tolist()):
         others = np.sort(due_of[np.abs(day - one) >= NEIGHBOUR_DAYS])
         due = [others[math.ceil(level * len(others) - 1e-9) - 1] for level in LEVELS]
-        found[k] = flown_s[k] <= np.array(due) * (1.0 + SAME_TIME) + TENTH_S
+        found[k] = in_time(flown_s[k], np.array(due))
     return found
 
 

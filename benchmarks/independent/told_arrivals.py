@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from benchmarks.independent.statistics import over_days, percent
-from benchmarks.independent.verdict import SAME_TIME, TENTH_S
+from benchmarks.independent.verdict import in_time
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -53,7 +53,7 @@ def told_arrivals(documents: Sequence[dict[str, Any]]) -> list[ToldArrivals]:
         rows = [(day, time_s, *one) for day, time_s, told in deliveries for one in told[:count]]
         if rows:
             day, time_s, _, half_s, most_s = np.array(rows, dtype=float).T
-            kept = [(time_s <= due_s * (1.0 + SAME_TIME) + TENTH_S).astype(float) for due_s in (half_s, most_s)]
+            kept = [in_time(time_s, due_s).astype(float) for due_s in (half_s, most_s)]
             shares = [(float(one.mean()), over_days(one, day.astype(np.int64))) for one in kept]
             found.append(ToldArrivals(which, len(deliveries), len(rows), shares[0], shares[1]))
     return found

@@ -104,6 +104,11 @@ class Told:
         )
 
 
+def in_time(time_s: NDArray[np.float64], due_s: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Whether deliveries arrive by the times at which they are due; infinite: never."""
+    return np.asarray(time_s <= due_s * (1.0 + SAME_TIME) + TENTH_S)
+
+
 def verdict(documents: Sequence[dict[str, Any]]) -> Verdict:
     """Sum the orders of one world up."""
     flown = [one for one in documents if one["planned"]]
@@ -120,7 +125,7 @@ def verdict(documents: Sequence[dict[str, Any]]) -> Verdict:
     )
     due = np.array([one["promised_quantile_s"] for one in flown for _ in one["day"]])
     said = np.array([one["promised"] for one in flown for _ in one["day"]])
-    kept = np.where(np.isnan(time_s), math.inf, time_s)[:, None] <= due * (1.0 + SAME_TIME) + TENTH_S
+    kept = in_time(np.where(np.isnan(time_s), math.inf, time_s)[:, None], due)
     of_order = np.array([sum(one["weight"]) for one in flown], dtype=float)
 
     def mean_of(name: str) -> float:

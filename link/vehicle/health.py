@@ -99,7 +99,7 @@ def look_at(vehicle: Vehicle, flown: Vibration | None = None) -> Iterator[Health
     yield from calibrations(family.calibrations, _parameters(vehicle, family.calibrations))
     yield receiver(_told(vehicle, *_RECEIVER))
     _told_by_parts(vehicle, "BATTERY_STATUS", 147, "id")
-    yield packs(vehicle.batteries.reports(vehicle.connection.clock.now_s()))
+    yield worst(cells, vehicle.batteries.reports(vehicle.connection.clock.now_s()))
     yield worst(cycles, _told_by_parts(vehicle, "SMART_BATTERY_INFO", 370, "id"))
     yield motors(_told_by_parts(vehicle, "ESC_INFO", 290, "index"))
     yield vibration(flown, family)
@@ -230,11 +230,6 @@ def receiver(told: Mapping[str, Any] | None) -> HealthItem:
     if fix < _FIX or satellites < _SATELLITES or hdop > _HDOP:
         return HealthItem("GPS", "no", f"{said}; {_FIX}, {_SATELLITES} and {_HDOP:g} needed")
     return HealthItem("GPS", "ok" if counted and not math.isnan(hdop) else "unknown", said)
-
-
-def packs(told: Mapping[int, Mapping[str, Any]]) -> HealthItem:
-    """Check the cells of every battery that the vehicle flies on, by their numbers."""
-    return worst(cells, told)
 
 
 def worst(judge: Callable[[Mapping[str, Any] | None], HealthItem], told: Mapping[int, Mapping[str, Any]]) -> HealthItem:

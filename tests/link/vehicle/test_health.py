@@ -94,7 +94,7 @@ def test_nothing_told_is_unknown_and_never_good(family):
     assert not any(item.ok for item in needed)
     optional = [
         health.cells(None),
-        health.packs({}),
+        health.worst(health.cells, {}),
         health.cycles(None),
         health.motors({}),
         health.vibration(None, kin),
@@ -160,12 +160,12 @@ def test_a_filter_that_finds_its_accelerometer_wrong_is_not_good():
 
 def test_the_worst_of_several_batteries_counts_and_all_are_named():
     good, low = {"voltages": (4000, 4010, 4020)}, {"voltages": (4000, 2600, 4010)}
-    assert health.packs({0: good}).said == health.cells(good).said
-    found = health.packs({0: good, 1: low})
+    assert health.worst(health.cells, {0: good}).said == health.cells(good).said
+    found = health.worst(health.cells, {0: good, 1: low})
     assert (found.verdict, found.ok) == ("no", False)
     assert found.said.startswith("battery 0: 3 cells")
     assert "battery 1: 3 cells, 2.60 to 4.01 V" in found.said
-    assert health.packs({0: good, 1: {"voltages": (65535,) * 10}}).verdict == "unknown"
+    assert health.worst(health.cells, {0: good, 1: {"voltages": (65535,) * 10}}).verdict == "unknown"
 
 
 @pytest.mark.parametrize(("state", "verdict"), [(1, "ok"), (5, "no"), (6, "no"), (7, "ok")])
