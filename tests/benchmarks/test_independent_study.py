@@ -113,6 +113,18 @@ def test_an_unknown_world_is_refused_with_those_that_there_are(capsys):
     assert "without-JFK" in told
 
 
+@pytest.mark.parametrize(
+    ("option", "value"),
+    [("--runs", "0"), ("--requests", "many"), ("--share", "1.5"), ("--share", "nan"), ("--days", "13")],
+)
+def test_a_number_out_of_its_range_is_refused_with_the_range(option, value, capsys):
+    with pytest.raises(SystemExit):
+        main([option, value])
+    told = capsys.readouterr().err
+    assert option in told
+    assert any(word in told for word in ("or more", "from 0 to 1", "1 to 12"))
+
+
 @pytest.mark.slow
 def test_planned_with_the_weather_of_now_each_day_has_a_promise_of_its_own_that_is_narrower():
     asked = "bellevue,jacobi,2013-07-10T14:00-04:00,0.8"
