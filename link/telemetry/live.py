@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from skyway.link.logs.common.assembly import Assembler
 from skyway.link.logs.common.messages import SPOKEN
+from skyway.link.telemetry import batteries
 from skyway.link.telemetry.data_quality import DataQuality
 from skyway.link.telemetry.plausible import BootTimes, Plausible
 from skyway.link.telemetry.timebase import VehicleClock
@@ -59,8 +60,12 @@ class LiveTelemetry:
         """Data-quality problems as text, by quantity."""
         return self._doubts.words
 
-    def hear(self, message: Message, posix_s: float) -> TelemetrySample | None:
-        """Process a message; returns a sample if it completes one."""
+    def hear(self, message: Message, posix_s: float, soc: float = math.nan) -> TelemetrySample | None:
+        """Process a message; returns a sample if it completes one.
+
+        `soc` is the state of charge by all reports of the vehicle's batteries, see `Batteries.soc`; a single message reports
+        that of one battery.
+        """
         name = message.name
         self._count(message.sequence)
         speak = SPOKEN.get(name)
@@ -81,6 +86,8 @@ class LiveTelemetry:
         if speak is None:
             return None
         reports = self._reports(message, speak)
+        if name in batteries.MESSAGES and (name == "SYS_STATUS" or math.isfinite(soc)):
+            reports["soc"] = soc
         if name == "MISSION_ITEM_REACHED" and (not self.reached or self.reached[-1] != message["seq"]):
             self.reached.append(message["seq"])
         self._doubts.hear(reports, time_s)

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from skyway.link.protocol.parameters import CHANGE_BY_THEMSELVES, read_value
-from skyway.link.telemetry.batteries import Batteries
+from skyway.link.telemetry.batteries import MESSAGES, Batteries
 from skyway.link.telemetry.live import RATES_HZ, WIND, LiveTelemetry
 from skyway.link.telemetry.rates import RateKeeper
 from skyway.link.telemetry.stored_lists import KINDS, StoredLists
@@ -137,7 +137,11 @@ class VehicleMonitor:
         name = message.name
         boots = self.live.clock.reboots
         posix_s = self.connection.clock.posix_s()
-        sample = self.live.hear(message, posix_s)
+        soc = math.nan
+        if name in MESSAGES:
+            self.batteries.hear(message, self.connection.clock.now_s())
+            soc = self.batteries.soc(self.connection.clock.now_s())
+        sample = self.live.hear(message, posix_s, soc)
         if sample is not None:
             self._new.append(sample)
             del self._new[:-_MAX_SAMPLES]
@@ -153,8 +157,6 @@ class VehicleMonitor:
             self._note_state(message)
         elif name == "MISSION_CURRENT":
             self._note_stored(message)
-        elif name == "BATTERY_STATUS":
-            self.batteries.hear(message, self.connection.clock.now_s())
         elif name == "ADSB_VEHICLE":
             self.traffic.hear(message, self.live.sample, self.connection.clock.now_s())
         elif name == "CONTROL_STATUS":

@@ -70,8 +70,8 @@ def run_checks(ctx: Context, service: DroneService, leg: LegMission) -> Iterator
     yield from _identity(ctx)
     yield from _health(ctx)
     yield from _position(ctx, service)
+    yield from _packs(ctx, service)
     yield _battery(ctx, service)
-    yield from _other_batteries(ctx, service)
     yield from _wind(ctx, service)
     yield from _parameters(ctx, leg)
     yield _lean(ctx)
@@ -180,13 +180,17 @@ def _battery(ctx: Context, service: DroneService) -> Check:
     return Check("battery", "ok" if ctx.battery.soc >= wanted - SOC_SLACK else "no", said)
 
 
-def _other_batteries(ctx: Context, service: DroneService) -> Iterator[Check]:
-    """Whether another battery is much emptier than the reported charge, and does not suffice."""
+def _packs(ctx: Context, service: DroneService) -> Iterator[Check]:
+    """Whether one of several batteries does not suffice while another is much fuller, or does not report its charge."""
     batteries, now_s = ctx.vehicle.batteries, ctx.vehicle.connection.clock.now_s()
-    emptiest, apart = batteries.lowest(now_s), batteries.doubt(ctx.vehicle.live.latest("soc"), now_s)
-    wanted = _wanted_soc(ctx, service)
-    if apart and emptiest is not None and emptiest[1] < wanted - SOC_SLACK:
-        yield Check("batteries", "no", f"{apart}, {percent(wanted)} needed: charge or replace it", waits=True)
+    emptiest, wanted = batteries.lowest(now_s), _wanted_soc(ctx, service)
+    if emptiest is not None and batteries.apart(now_s) and emptiest[1] < wanted - SOC_SLACK:
+        said = f"battery {emptiest[0]} reports {percent(emptiest[1])}, {percent(wanted)} needed: charge or replace it"
+        yield Check("batteries", "no", said, waits=True)
+    if silent := batteries.unknown(now_s):
+        which = " and ".join(f"battery {number}" for number in silent)
+        said = f"{which} reports no state of charge: set up its battery monitor, or switch the monitor off if it does not drive the propellers"
+        yield Check("batteries", "unknown", said, waits=True)
 
 
 def _wind(ctx: Context, service: DroneService) -> Iterator[Check]:

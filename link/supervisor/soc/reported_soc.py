@@ -44,6 +44,8 @@ class ReportedSoc:
     """Time since which reports deviate from the line; NaN if they do not."""
     contradicted: bool = False
     """They deviate, and the voltage contradicts them."""
+    blind_s: float = BLIND_S
+    """Time for which a report must persist if no voltage is known, s."""
     _met_s: float = -math.inf
     _fell: tuple[float, float] = (math.nan, -math.inf)
     _volts: deque[tuple[float, float]] = field(default_factory=deque)
@@ -118,7 +120,7 @@ class ReportedSoc:
         """Whether a fall is confirmed by now."""
         now = [volts for at_s, volts in self._volts if at_s >= self.held_s]
         if len(now) < HEARD or len(self._before) < HEARD:
-            return time_s >= self.held_s + BLIND_S
+            return time_s >= self.held_s + self.blind_s
         used, lost = (open_voltage(soc) / open_voltage(self._held_soc) for soc in (line, reported))
         expected, found = used - lost, used - median(now[-2 * HEARD :]) / median(self._before)
         if expected < TELLING:  # once distinguished, it stays so although the line has come nearer

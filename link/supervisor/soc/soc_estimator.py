@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from skyway.link.supervisor.journal.entries import GaugeNote
+from skyway.link.supervisor.soc.pack_charges import PackCharges
 from skyway.link.supervisor.soc.reported_soc import ReportedSoc
 from skyway.link.supervisor.soc.voltage import VoltageWatch
 from skyway.link.supervisor.states import IN_AIR
@@ -38,6 +39,7 @@ class SocEstimator:
     lost_s: float = -math.inf
     """Time of the last sudden loss of charge, POSIX seconds."""
     _reported: ReportedSoc = field(default_factory=ReportedSoc)
+    _packs: PackCharges = field(default_factory=PackCharges)
     _voltage: VoltageWatch = field(default_factory=VoltageWatch)
     _flown_from: tuple[float, float] = (math.nan, math.nan)
     """Charge at the first take-off after charging: as reported by the vehicle, and as estimated."""
@@ -62,25 +64,39 @@ class SocEstimator:
         modelled = None if leg is None or not ctx.in_air else leg.modelled
         rate = 0.0 if modelled is None else modelled.per_s * ctx.energy.belief.mean_ratio
         open_v = sample.voltage_v + sample.current_a * self._voltage.ohm
-        was_contradicted = report.contradicted
+        was_contradicted, before = report.contradicted, self._reported_now(sample.time_s, rate)
         fell = report.hear(sample.time_s, sample.soc, open_v, rate, flies=ctx.in_air)
+        packs = ctx.vehicle.batteries.fresh(ctx.vehicle.connection.clock.now_s())
+        news = self._packs.hear(sample.time_s, packs, rate, flies=ctx.in_air)
         if not math.isfinite(report.soc):
             return
-        if report.contradicted and not was_contradicted:
+        self.reported_soc = self._reported_now(sample.time_s, rate)
+        if report.contradicted and not was_contradicted and not self._packs:
             ctx.say(
                 GaugeNote(),
                 f"the drone reports {percent(sample.soc)}, but its voltage contradicts that: ignored",
             )
-        self.reported_soc = report.line(sample.time_s, rate)
-        if leg is not None and flies and fell != 0.0:
-            leg.lose_reported(fell)
-            self._lose(ctx, fell, f"{percent(fell)} of charge lost at once: report and voltage fell together")
+        change = before - self.reported_soc if news or fell != 0.0 else 0.0
+        if leg is not None and flies and change != 0.0:
+            number, soc = self._packs.emptiest(sample.time_s, rate)
+            leg.lose_reported(change)
+            self._lose(
+                ctx,
+                change,
+                f"battery {number} reports {percent(soc)}: the emptiest battery decides"
+                if soc <= self.reported_soc
+                else f"{percent(change)} of charge lost at once: report and voltage fell together",
+            )
         if report.contradicted or not sample.time_s < report.held_s + CONFIRMING_S:
             self._hear_voltage(ctx, sample, flies=flies)
         self.soc, self.source = max(self.reported_soc - self._voltage.lost, 0.0), "the vehicle"
         if leg is not None and math.isfinite(leg.soc_start) and (ctx.energy.gauge != 1.0 or self._voltage.lost > 0.0):
             self.soc = max(leg.soc_start - ctx.energy.gauge * (leg.reported_start - self.reported_soc), 0.0)
             self.source = "the vehicle, corrected"
+
+    def _reported_now(self, time_s: float, rate_per_s: float) -> float:
+        """Return the charge now by the accepted reports: the vehicle's, or that of its emptiest pack."""
+        return min(self._reported.line(time_s, rate_per_s), self._packs.emptiest(time_s, rate_per_s)[1])
 
     def _hear_voltage(self, ctx: Context, sample: TelemetrySample, *, flies: bool) -> None:
         doubted = self._voltage.doubtful()
@@ -126,12 +142,14 @@ class SocEstimator:
     def counter_set(self, time_s: float, reported: float) -> None:
         """Take the vehicle's report after its counter was set."""
         self._reported.measured(time_s, reported)
+        self._packs.forget()
         self.soc, self.reported_soc, self.source = reported, reported, "the vehicle"
 
     def forget(self) -> None:
         """Reset: the battery was measured or replaced, or the vehicle has restarted."""
         self._voltage.forget()
         self._reported.forget()
+        self._packs.forget()
 
     def restore(self, *, lost_soc: float) -> None:
         """Restore the estimate from a journal."""

@@ -65,7 +65,7 @@ def _row(vehicle: VehicleMonitor) -> VehicleRow:
     latest = vehicle.live.latest
     sample = vehicle.live.sample
     north, east = latest("wind_north_mps"), latest("wind_east_mps")
-    low = vehicle.batteries.doubt(latest("soc"), vehicle.connection.clock.now_s())
+    apart = vehicle.batteries.apart(vehicle.connection.clock.now_s())
     return VehicleRow(
         system=vehicle.system,
         autopilot=vehicle.family.name,
@@ -88,7 +88,7 @@ def _row(vehicle: VehicleMonitor) -> VehicleRow:
         loss=round(vehicle.live.loss, 3),
         doubts=[
             *(f"{name}: {why}" for name, why in vehicle.live.doubts.items()),
-            *((f"soc: {low}",) if low else ()),
+            *((f"soc: {apart}",) if apart else ()),
             *(str(check) for check in vehicle.rates.checks if check.measured_hz and not check.ok),
         ],
         rejected=vehicle.connection.rejected,

@@ -2,6 +2,7 @@
 
 import json
 import math
+import re
 
 import pytest
 from hypothesis import given
@@ -194,8 +195,7 @@ def test_every_battery_of_a_vehicle_is_looked_at(family, in_turn):
     assert "battery 1: 3 cells, 2.60 to 3.80 V" in found.said
     now_s = scene.connection.clock.now_s()
     assert scene.craft.batteries.lowest(now_s) == (1, 0.05)
-    assert scene.craft.batteries.doubt(0.9, now_s) == "battery 1 reports 5 %"
-    assert not scene.craft.batteries.doubt(math.nan, now_s)
+    assert re.fullmatch(r"battery 1 reports 5 %, battery 0 \d+ %", scene.craft.batteries.apart(now_s))
     assert scene.craft.batteries.lowest(now_s + 60.0) is None, "old reports say nothing of now"
 
 
