@@ -28,6 +28,8 @@ if TYPE_CHECKING:
 
 Asking = Literal["each", "once", "never"]
 """Take-offs for which the operator's confirmation is requested."""
+FlownKind = Literal["multirotor", "helicopter"]
+"""Kinds of vehicles that skyway flies."""
 
 
 def nobody_observes(_: float) -> tuple[WindObservation, ...]:
@@ -77,6 +79,8 @@ class DeliveryJob:
     """Reaction to other aircraft that come near."""
     remote_id: RemoteId = NOBODY
     """Identity of the operator for the vehicle's Remote ID module."""
+    vehicle_kind: FlownKind | None = None
+    """Kind of the vehicle, for one that does not report it; None: such a vehicle does not take off."""
     health: HealthBook | None = None
     """Store of the checks of calibration and health, which each vehicle needs once a day; None: no checks."""
 

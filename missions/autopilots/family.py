@@ -99,6 +99,8 @@ class Family(ABC):
     """Suffixes of their names, in lower case; the first is the usual one."""
     taken_text: ClassVar[str] = ""
     """Beginning of the text by which it reports an upload to every station; empty if there is none."""
+    kind_remedy: ClassVar[str]
+    """How it is told what kind of vehicle it is."""
     crash_texts: ClassVar[re.Pattern[str]] = re.compile(r"\bcrash", re.IGNORECASE)
     """Its text after a crash."""
 

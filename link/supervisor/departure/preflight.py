@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Literal, get_args
 
 import numpy as np
 
@@ -13,6 +13,7 @@ from skyway.link.supervisor.departure.health_of_day import health_of_day
 from skyway.link.supervisor.departure.parameter_changes import ParameterChange
 from skyway.link.supervisor.flight.crash import LIES_DEG, leans_deg
 from skyway.link.supervisor.flight.lean import airspeed_at_lean
+from skyway.link.supervisor.job import FlownKind
 from skyway.models.base import geodesy
 from skyway.models.base.errors import InputError, LinkError, VehicleTimeoutError
 from skyway.models.base.formatting import distance_text, height_text, percent, probability, speed_text
@@ -25,6 +26,7 @@ if TYPE_CHECKING:
 
     from skyway.link.supervisor.context import Context
     from skyway.link.supervisor.legs import LegMission
+    from skyway.link.vehicle.vehicle import Identity
     from skyway.models.composition.service import DroneService
 
 Verdict = Literal["ok", "no", "unknown"]
@@ -89,13 +91,7 @@ def _identity(ctx: Context) -> Iterator[Check]:
         yield Check("vehicle", "no", f"{who} is not the drone that began this delivery: connect that drone")
     else:
         ctx.observed.identify(ctx.observed.uid or who.uid)
-        flies = MAV_KINDS.get(who.kind) in (None, "multirotor", "helicopter")
-        yield Check(
-            "vehicle",
-            "ok" if flies else "no",
-            f"{who}{'' if flies else ': skyway flies multirotors only'}",
-            waits=not flies,
-        )
+        yield _kind(ctx, who)
     try:
         ctx.vehicle.check_ground_station()
     except VehicleTimeoutError as error:
@@ -104,6 +100,19 @@ def _identity(ctx: Context) -> Iterator[Check]:
         yield Check("ground station", "no", str(error))
     else:
         yield Check("ground station", "ok", "the drone accepts this ground station")
+
+
+def _kind(ctx: Context, who: Identity) -> Check:
+    """Whether it is a kind of vehicle that is flown: one that does not report its kind is none, unless a person says so."""
+    reported, given = MAV_KINDS.get(who.kind), ctx.job.vehicle_kind
+    if reported in get_args(FlownKind):
+        return Check("vehicle", "ok", str(who))
+    if reported is not None:
+        return Check("vehicle", "no", f"{who}: skyway flies multirotors only", waits=True)
+    if given is not None:
+        return Check("vehicle", "ok", f"{who}: a {given}, as given by --vehicle")
+    remedy = f"{ctx.vehicle.family.kind_remedy}, or say what it is with --vehicle multirotor"
+    return Check("vehicle", "unknown", f"{who}: does not report what kind of vehicle it is: {remedy}", waits=True)
 
 
 def _health(ctx: Context) -> Iterator[Check]:

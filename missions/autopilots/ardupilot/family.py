@@ -119,6 +119,7 @@ class ArduPilot(Family):
     """From 4.7 on a range of systems is accepted; before, one."""
     lean_limits = ("lean-limit", "position-lean-limit")
     taken_text = "Flight plan received"
+    kind_remedy = "set its parameter FRAME_CLASS"
     crash_texts = re.compile(r"\bcrash|\bleaning\b", re.IGNORECASE)
     """The text is ``Crash: Disarming``, and a refusal to arm contains ``Leaning``."""
 

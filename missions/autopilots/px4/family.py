@@ -85,6 +85,7 @@ class Px4(Family):
     vibration_fields = ("vibration_z",)  # the other two are of the gyro (streams/VIBRATION.hpp)
     vibration_mps2 = (4.905, 9.81)  # as Flight Review draws its bands
     log_folders = ("/fs/microsd/log", "/log")  # a board's card; the working folder of its simulator
+    kind_remedy = "set its parameter MAV_TYPE"
     log_endings = (".ulg", ".px4log")
     stays_in_mission_after_landing = True
     zero_means_as_it_is = False

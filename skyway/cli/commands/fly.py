@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 from zoneinfo import ZoneInfo
 
 import typer
@@ -94,6 +94,12 @@ def fly(
             help="Read the operator's commands from this file, FILE.orders, instead of the terminal (used by skyway serve)."
         ),
     ] = None,
+    vehicle: Annotated[
+        Literal["multirotor", "helicopter"] | None,
+        typer.Option(
+            help="Kind of the vehicle, if it does not report it; without it such a vehicle does not take off."
+        ),
+    ] = None,
     settings: options.Settings = None,
     as_json: options.AsJson = False,
 ) -> None:
@@ -138,6 +144,7 @@ def fly(
         "set_parameters": not keep_parameters,
         "restore_parameters": not no_restore,
         "traffic": seen.rule(),
+        "vehicle_kind": vehicle,
     }
     service = None if pads == "manual" else TcpPads(pads)  # people tend the pads, or a service does
     if plan.is_dir():
@@ -182,7 +189,7 @@ def fly(
         over=region.network.over,
     )
 
-    def job(now: datetime, vehicle: Vehicle) -> DeliveryJob:  # noqa: ARG001  any vehicle flies a plan
+    def job(now: datetime, craft: Vehicle) -> DeliveryJob:  # noqa: ARG001  any vehicle flies a plan
         winds = _observed(region, observed, now, wind)
         times = (one.time_s for one in winds(now.timestamp()))
         since = now if begun is None else begun.at

@@ -246,6 +246,40 @@ def test_a_vehicle_that_is_no_multirotor_does_not_take_off(tmp_path):
     assert "VTOL: skyway flies multirotors only" in outcome.reason
 
 
+@pytest.mark.parametrize("number", [0, 16], ids=["generic", "flapping wings"])
+@pytest.mark.parametrize(("given", "state"), [(None, "stopped-safe"), ("multirotor", "delivered")])
+def test_a_vehicle_that_does_not_say_what_it_is_takes_off_only_where_a_person_says_it(number, given, state, tmp_path):
+    def spoil(_number, message, frame, up):
+        beats = not up and message is not None and message.name == "HEARTBEAT"
+        return changed_frame(message, type=number) if beats else frame
+
+    stage = Stage(Story(supervised=False, **SHORT), tmp_path)
+    connect, job = stage.lockstep.connect, stage.job
+    stage.lockstep.connect = lambda *given, **named: Meddler(connect(*given, **named), spoil)
+    stage.job = lambda: replace(job(), vehicle_kind=given)
+    outcome = stage.fly()
+    assert outcome.state == state, outcome
+    if given is None:
+        assert "does not report what kind of vehicle it is: set its parameter MAV_TYPE, or say" in outcome.reason
+        assert "--vehicle multirotor" in outcome.reason
+    else:
+        (said,) = {one.data["said"] for one in events(stage, "check") if one.data["name"] == "vehicle"}
+        assert said.endswith(f"type {number}: a multirotor, as given by --vehicle")
+
+
+def test_a_kind_that_a_person_gives_does_not_stand_against_the_vehicles_own(tmp_path):
+    def spoil(_number, message, frame, up):
+        beats = not up and message is not None and message.name == "HEARTBEAT"
+        return changed_frame(message, type=1) if beats else frame
+
+    stage = Stage(Story(supervised=False, **SHORT), tmp_path)
+    connect, job = stage.lockstep.connect, stage.job
+    stage.lockstep.connect = lambda *given, **named: Meddler(connect(*given, **named), spoil)
+    stage.job = lambda: replace(job(), vehicle_kind="multirotor")
+    outcome = stage.fly()
+    assert "plane: skyway flies multirotors only" in outcome.reason
+
+
 @pytest.mark.parametrize("autopilot", BOTH)
 def test_what_the_autopilot_refuses_is_told_once_with_its_count(autopilot, tmp_path):
     stage = Stage(Story(autopilot=autopilot, faults=(parse_fault("prearm@0s+60s"),), **SHORT), tmp_path)
