@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import math
 import re
-import struct
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from skyway.link.protocol.parameter_file import parameter_lines
-from skyway.link.protocol.parameters import CHANGE_BY_THEMSELVES, is_whole, same_value, wire_value
+from skyway.link.protocol.parameters import CHANGE_BY_THEMSELVES, is_whole, misfit, same_value
 from skyway.missions.items.parameters import UNITS
 from skyway.models.base.errors import Fault, InputError, refuse
 from skyway.models.base.files import read_text
@@ -142,7 +141,7 @@ def compare_set(saved: SavedSet, actual: Mapping[str, ParameterValue], family: F
             continue
         if name != file_name:
             renamed.append((file_name, name))
-        problem = _misfit(then, has.kind)
+        problem = misfit(then, has.kind)
         reason = _left(name, family)
         if problem:
             faults.append(Fault(problem, str(saved.path), field=file_name, value=f"{value:.9g}"))
@@ -178,15 +177,3 @@ def _on_vehicle(
         if way.name in actual and way.name not in values and way.value is not None and way.believes(way.value):
             return way.name, way.value
     return name, value
-
-
-def _misfit(value: float, kind: int) -> str:
-    """Reason why a parameter cannot hold a value."""
-    try:
-        if is_whole(kind):
-            wire_value(value, kind, bytewise=True)
-        else:
-            struct.pack("<f", value)
-    except (InputError, OverflowError):
-        return "does not fit this parameter of the vehicle"
-    return "is a whole number on the vehicle" if is_whole(kind) and value != round(value) else ""

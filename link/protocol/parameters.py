@@ -75,6 +75,20 @@ def is_whole(kind: int) -> bool:
     return kind in _WHOLE
 
 
+def misfit(value: float, kind: int) -> str:
+    """Reason why a parameter of a MAV_PARAM_TYPE cannot hold a value; empty if it can."""
+    if not math.isfinite(value):
+        return "is not a finite number"
+    try:
+        if is_whole(kind):
+            wire_value(value, kind, bytewise=True)
+        else:
+            struct.pack("<f", value)
+    except (InputError, OverflowError):
+        return "does not fit this parameter of the vehicle"
+    return "is a whole number on the vehicle" if is_whole(kind) and value != round(value) else ""
+
+
 def same_value(wanted: float, actual: float, kind: int) -> bool:
     """Whether a value read back equals the value set."""
     if kind in _WHOLE:

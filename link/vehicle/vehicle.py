@@ -16,6 +16,7 @@ from skyway.link.protocol.verified import (
     UploadState,
     compare,
     decode,
+    encode,
     kind_of,
     upload_verified,
 )
@@ -312,6 +313,17 @@ class Vehicle(AskedVehicle):
         if not outcome.blocks_start:
             del self._blocked[job.kind]
         return outcome
+
+    def check_uploads(self, parts: Sequence[Part]) -> None:
+        """Make sure, as far as it can be known before, that it takes these parts; nothing is changed on it.
+
+        Raises an `InputError` for what MAVLink cannot hold, and a `CommandRefusedError` for lists that it does not have.
+        """
+        for part in parts:
+            encode(part, self.family)
+        for kind in map(kind_of, parts):
+            if kind is not MissionKind.MISSION:
+                self._download(kind)
 
     def change_in_flight(self, mission: Mission, current: int, *, holds: bool = True) -> UploadOutcome:
         """Hold, upload, read back, set the current item, resume; stay in hold where it is not verified.

@@ -14,7 +14,7 @@ from skyway.missions.autopilots.settings import version_of
 from skyway.missions.items.parameters import dumps
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Iterator, Mapping, Sequence
 
     from skyway.missions.autopilots.calibration import Calibration
     from skyway.missions.autopilots.failsafes import Failsafes
@@ -115,6 +115,10 @@ class Family(ABC):
     @abstractmethod
     def meaning(self, item: MissionItem) -> Meaning:
         """Return the fields of an item that the autopilot keeps and acts on, in one form for all equivalent encodings."""
+
+    def relies_on_fence(self, values: Mapping[str, float]) -> bool:  # noqa: ARG002
+        """Whether values of its settings, by their keys, make it act on the areas of a fence, and on nothing else."""
+        return False
 
     @abstractmethod
     def disarm(self) -> tuple[MissionItem, ...]:

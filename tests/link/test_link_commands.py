@@ -20,9 +20,17 @@ from skyway.missions import write
 from skyway.missions.autopilots.registry import FAMILIES, family_named
 from skyway.missions.items.document import MissionDocument
 from skyway.missions.items.mission import Mission
-from skyway.missions.items.parameters import Parameter, dumps
+from skyway.missions.items.parameters import FlightNeeds, Parameter, dumps
 from skyway.models.base.errors import InputError, SkywayError
 
+FLIGHT = FlightNeeds(
+    ground_speed_mps=8.0,
+    climb_rate_mps=2.0,
+    descent_rate_mps=1.5,
+    return_height_m=60.0,
+    fenced=True,
+    has_rally_points=True,
+)
 app = typer.Typer()
 for name in GROUPS["Vehicles"]:
     add_command(app, name)
@@ -115,6 +123,40 @@ def test_a_mission_comes_with_the_parameters_it_needs(run, plan, tmp_path):
         assert code == 0
         assert "set to 7000" in text
         assert there.world.vehicles[1].autopilot.parameters["RTL_ALT"] == 7000.0
+
+
+@pytest.mark.parametrize("family", sorted(FAMILIES))
+def test_parameters_for_a_fence_are_not_set_where_the_mission_has_none(run, plan, tmp_path, family):
+    needs = family_named(family).parameters(FLIGHT)
+    file = tmp_path / "m.param"
+    file.write_text(dumps(needs))
+    fenced = tmp_path / "fenced.plan"
+    write(MissionDocument(a_mission(8), a_fence(), some_rally_points()), fenced)
+    with served(tcp_port=0, autopilot=family) as there:
+        port, has = there.where()[1], there.world.vehicles[1].autopilot.parameters
+        before = {one.name: one.value for one in map(has.at, range(len(has)))}
+        for wanted in ([], ["--yes"]):
+            code, text = run("upload", plan, "--parameters", file, *wanted, port=port)
+            assert code == 2
+            assert f"m.param: is for a mission with a fence, and {plan} has none; nothing was sent; upload it" in text
+        after = {one.name: one.value for one in map(has.at, range(len(has)))}
+        assert {name for name in before if before[name] != after[name]} == set()
+        assert run("upload", fenced, "--parameters", file, "--yes", port=port)[0] == 0
+
+
+def test_parameters_are_not_set_where_another_station_or_the_type_of_one_refuses_the_upload(run, plan, tmp_path):
+    file = tmp_path / "m.param"
+    with served(tcp_port=0, autopilot="ardupilot") as there:
+        port, has = there.where()[1], there.world.vehicles[1].autopilot.parameters
+        file.write_text("RTL_ALT,7000\nFENCE_ACTION,1.5\n")
+        code, text = run("upload", plan, "--parameters", file, "--yes", port=port)
+        assert (code, text) == (2, f"{file}: FENCE_ACTION: is a whole number on the vehicle (got '1.5')")
+        file.write_text("RTL_ALT,7000\n")
+        code, text = run("upload", plan, "--parameters", file, "--yes", "--gcs-system", "77", port=port)
+        assert (code, "its failsafe counts only the heartbeat of system 255" in text) == (3, True)
+        assert has["RTL_ALT"] != 7000.0
+        assert run("upload", plan, "--parameters", file, "--yes", port=port)[0] == 0
+        assert has["RTL_ALT"] == 7000.0
 
 
 def test_watching_tells_what_is_known_and_what_is_not(run):

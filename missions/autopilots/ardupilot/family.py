@@ -33,7 +33,7 @@ from skyway.models.base.formatting import duration
 from skyway.models.composition.release import WINCH_MPS
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Iterator, Mapping, Sequence
 
     from skyway.missions.autopilots.family import Meaning
     from skyway.missions.autopilots.wire import WireItem
@@ -46,6 +46,8 @@ MAX_ITEMS = 700
 """Items that the usual storage holds (about 15 bytes each)."""
 CONTINUE_AFTER_LAND = 4
 """Bit 2 of MIS_OPTIONS."""
+_POLYGONS = 4
+"""FENCE_TYPE of areas alone, without the circle around home and the ceiling."""
 
 _KEPT_PARAMS = kept_params(
     {
@@ -185,6 +187,10 @@ class ArduPilot(Family):
                 "set bit 1 of FENCE_OPTIONS (2), or keep one area",
             )
 
+    def relies_on_fence(self, values: Mapping[str, float]) -> bool:
+        """Whether it acts on polygons alone."""
+        return values.get("fence", 1.0) > 0.0 and values.get("fence-kinds", 0.0) == _POLYGONS
+
     def parameters(self, needs: FlightNeeds) -> tuple[Parameter, ...]:
         """Return the parameters that ArduPilot requires for such a mission, under the names of each version."""
         of, speed = SETTINGS, min(needs.ground_speed_mps, MAX_SPEED_MPS)
@@ -203,7 +209,9 @@ class ArduPilot(Family):
         if needs.fenced:
             found += [
                 of["fence"].need("equal", 1, "else the corridor is only stored"),
-                of["fence-kinds"].need("equal", 4, "polygons only: the default 7 also breaches 300 m from home"),
+                of["fence-kinds"].need(
+                    "equal", _POLYGONS, "polygons only: the default 7 also breaches 300 m from home"
+                ),
                 of["fence-action"].need("equal", 1, "a breach returns to a rally point, or lands"),
             ]
         if needs.has_rally_points:

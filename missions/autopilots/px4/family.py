@@ -23,7 +23,7 @@ from skyway.missions.items.finding import Finding
 from skyway.missions.items.mission import Mission, MissionItem
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Iterator, Mapping, Sequence
 
     from skyway.missions.autopilots.family import Meaning
     from skyway.missions.autopilots.wire import WireItem
@@ -194,6 +194,11 @@ class Px4(Family):
             kind = of["gripper-kind"].need("at-least", 0, "the release is a gripper")
             found.append(of["gripper"].need("equal", 1, "the release is a gripper", kind))
         return tuple(found)
+
+    def relies_on_fence(self, values: Mapping[str, float]) -> bool:
+        """Whether it acts at a breach, without a circle or a ceiling around home."""
+        around_home = any(values.get(key, 0.0) > 0.0 for key in ("fence-radius", "fence-ceiling"))
+        return values.get("fence-action", 0.0) > 0.0 and not around_home
 
     def refusals(self, texts: Sequence[str]) -> list[str]:
         """The texts of a vehicle that refuse the mission that it has accepted."""

@@ -31,6 +31,7 @@ if TYPE_CHECKING:
     from skyway.link.protocol.parameters import ParameterCheck
     from skyway.link.protocol.verified import Part, UploadOutcome
     from skyway.link.vehicle.vehicle import Identity, Vehicle
+    from skyway.missions.autopilots.family import Family
     from skyway.missions.items.document import MissionDocument
     from skyway.missions.items.finding import Finding
     from skyway.missions.items.parameters import Parameter
@@ -130,6 +131,7 @@ def upload(
         identity = vehicle.identify()
         if not as_json:
             typer.echo(str(identity))
+        _refuse_missing_fence(file, document, parameters, wanted, vehicle.family)
         findings = check(document, dialect=vehicle.family).findings
         if not with_errors:
             _refuse_errors(file, findings)
@@ -137,11 +139,12 @@ def upload(
             show_findings(findings)
         if yes:
             refuse_armed(vehicle, "upload a mission", allowed=armed)
+            vehicle.check_ground_station()
+            vehicle.check_uploads(parts)
         checks = _check_parameters(vehicle, wanted, parameters, yes=yes, as_json=as_json)
         if not yes:
             _show_dry_run(vehicle, identity, parts, checks, findings, as_json=as_json)
             return
-        vehicle.check_ground_station()
         outcomes = _send(vehicle, parts)
         besides = _besides(vehicle, parts) if all(outcome.verified for outcome in outcomes) else []
     report = UploadReport(
@@ -172,23 +175,47 @@ def _refuse_errors(file: Path, findings: Sequence[Finding]) -> None:
         refuse([*faults, Fault("nothing was sent", str(file), remedy=remedy)])
 
 
+def _refuse_missing_fence(
+    file: Path, document: MissionDocument, parameters: Path | None, wanted: Sequence[Parameter], family: Family
+) -> None:
+    """Refuse parameters that were made for a mission with a fence where the mission file has none."""
+    values = {one.key: one.value for one in wanted if one.value is not None}
+    if document.fence or parameters is None or not family.relies_on_fence(values):
+        return
+    remedy = (
+        "upload it with its fence (beside a .waypoints file the file .fence.waypoints), or remove the fence's lines"
+    )
+    problem = f"is for a mission with a fence, and {file} has none; nothing was sent"
+    raise InputError(problem, str(parameters), remedy=remedy)
+
+
 def _check_parameters(
     vehicle: Vehicle, wanted: Sequence[Parameter], file: Path | None, *, yes: bool, as_json: bool
 ) -> list[ParameterState]:
     """Read the parameters that a mission needs; with consent set those that will not do, and read them back.
 
-    An `InputError` refuses values of parameters that the vehicle does not have, before any is set.
+    An `InputError` refuses values of parameters that the vehicle does not have, or cannot hold, before any is set.
     """
     from skyway.cli.views.link import ParameterState
+    from skyway.link.protocol.parameters import misfit
 
-    rows = []
+    rows: list[ParameterState] = []
     checks = vehicle.check_required(wanted)
     remedy = "correct the name, or remove its line"
     refuse(
         [Fault(c.problem, str(file), remedy=remedy) for c in checks if c.actual is None and c.wanted.value is not None]
     )
+    values = {check.wanted.name: check.to_set for check in checks if check.to_set is not None}
+    problems = {name: misfit(value, vehicle.parameter(name).kind) for name, value in values.items()}
+    refuse([Fault(why, str(file), field=name, value=f"{values[name]:.9g}") for name, why in problems.items() if why])
     for check in checks:
-        state, value = _parameter_state(vehicle, check, yes=yes)
+        try:
+            state, value = _parameter_state(vehicle, check, yes=yes)
+        except LinkError:
+            done = [f"{row.name} (it was {row.was:g})" for row in rows if row.was is not None and row.was != row.now]
+            if done:
+                typer.echo(f"no mission was sent; set before, and left so: {', '.join(done)}", err=True)
+            raise
         rows.append(ParameterState(name=check.wanted.name, was=check.actual, now=value, state=state))
         if not as_json:
             was = "unknown" if check.actual is None else f"{check.actual:g}"
