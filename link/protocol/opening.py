@@ -67,6 +67,12 @@ def _no_key(where: str) -> InputError:
     return InputError(Fault("has no signing key", where, remedy="64 hexadecimal digits, or 32 bytes in a file"))
 
 
+def check_system(system: int, option: str) -> None:
+    """Refuse what is no MAVLink system id; 0 addresses every system."""
+    if not 1 <= system <= 255:
+        raise InputError(Fault("out of range", field=option, value=system, remedy="1 to 255"))
+
+
 def open_connection(
     text: str | Sequence[str],
     *,
@@ -81,8 +87,7 @@ def open_connection(
     It is recorded in the folder `record`; None records nothing, which is only for tests. Other ground stations at the addresses
     `forward` share it, and may send commands allowed by `permission`. An `InputError` or `LinkLostError` means that it cannot be opened.
     """
-    if not 1 <= system <= 255:
-        raise InputError(Fault("out of range", field="--gcs-system", value=system, remedy="1 to 255"))
+    check_system(system, "--gcs-system")
     texts = [text] if isinstance(text, str) else list(text)
     addresses = [parse_address(one) for one in texts]
     if not addresses or len(set(map(str, addresses))) < len(addresses):

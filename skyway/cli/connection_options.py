@@ -117,6 +117,10 @@ class Link(Line):
     @contextmanager
     def aboard(self) -> Iterator[Vehicle]:
         """Open the connection and find the vehicle."""
+        from skyway.link.protocol.opening import check_system
+
+        if self.system is not None:
+            check_system(self.system, "--system")
         family = None if self.autopilot == _ASKED else self.autopilot
         with self.opened() as connection, closing(self._driver()(connection, self.system, family)) as vehicle:
             if connection.wants_key:

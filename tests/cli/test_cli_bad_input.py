@@ -144,6 +144,35 @@ def test_unknown_commands_and_options_are_usage_errors(refused):
     assert "no planner named" in refused("compare", *HOP, "--planners", ",")
 
 
+@pytest.mark.parametrize(
+    "words", [("params", "get"), ("clear",), ("health",), ("logs", "list"), ("params", "save", "a.param")]
+)
+@pytest.mark.parametrize("number", ["0", "256", "300", "-1"])
+def test_what_is_no_mavlink_system_is_refused_before_a_connection_is_opened(refused, words, number):
+    told = f"--system: out of range (got '{number}'); 1 to 255"
+    assert told in refused(*words, "--system", number, "--connect", "carrier pigeon")
+
+
+@pytest.mark.parametrize("number", ["0", "256"])
+def test_what_is_no_mavlink_system_is_no_ground_station(refused, number):
+    assert f"--gcs-system: out of range (got '{number}')" in refused("watch", "--gcs-system", number)
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ("watch", "--connect", "tcp:127.0.0.1:70000"),
+        ("watch", "--connect", "udpout:127.0.0.1:0"),
+        ("sim", "--tcp", "70000"),
+        ("sim", "--pads", "tcp:127.0.0.1:99999"),
+        ("dispatch", "demo", "--port", "70000"),
+        ("serve", "--port", "70000"),
+    ],
+)
+def test_what_is_no_port_is_refused(refused, words):
+    assert "out of range" in refused(*words)
+
+
 def test_wind_and_forecast_exclude_each_other(refused):
     assert "--wind and --forecast exclude each other" in refused("plan", *HOP, "--wind", "8@270", "--forecast", "x.csv")
 

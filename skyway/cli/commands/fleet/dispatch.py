@@ -274,7 +274,7 @@ def demo(
     hours: Annotated[float, typer.Option(help="Hours of order arrivals.", min=0.05, max=24.0)] = 1.0,
     workers: Annotated[int, typer.Option(help="Worker processes, of up to 50 flights each.", min=1, max=64)] = 2,
     seed: Annotated[int, typer.Option(help="Random seed of orders, drones and simulation.", min=0, max=2**32 - 1)] = 1,
-    port: Annotated[int, typer.Option(help="Port of the page.")] = 8080,
+    port: Annotated[int, typer.Option(help="Port of the page.", min=0, max=65535)] = 8080,
     page: Annotated[bool, typer.Option(help="Show the fleet on the page, until Ctrl-C.")] = True,
     output: Annotated[
         Path, typer.Option("--output", "-o", help="Folder for orders, fleet, ledger and journals.")
