@@ -173,6 +173,12 @@ def test_what_is_no_port_is_refused(refused, words):
     assert "out of range" in refused(*words)
 
 
+@pytest.mark.parametrize("level", ["0", "100", "-5", "nan"])
+def test_a_level_that_no_or_every_network_reaches_is_refused_before_a_day_is_simulated(refused, level):
+    told = refused("study", "capacity", "--level", level)
+    assert f"--level: out of range (got '{float(level)}'); percent, above 0 and below 100" in told
+
+
 def test_wind_and_forecast_exclude_each_other(refused):
     assert "--wind and --forecast exclude each other" in refused("plan", *HOP, "--wind", "8@270", "--forecast", "x.csv")
 

@@ -80,6 +80,8 @@ def capacity(
     tried = numbers(rates, "--rates", 0.1, 100_000.0)
     promises_s = [60.0 * one for one in numbers(promise, "--promise", 1.0, 24 * 60.0)]
     fleets = [int(one) for one in numbers(drones, "--drones", 1.0, 10_000.0)]
+    if not 0.0 < level < 100.0:
+        raise InputError("out of range", field="--level", value=level, remedy="percent, above 0 and below 100")
     wanted = typed_values.percent(level, "--level")
     world = load_scenario(scenario)
     with typed_values.as_typed():
