@@ -22,6 +22,9 @@ SAVE_AS_MISSION = (
 )
 SAVE_AS_UTF_8 = "save it as UTF-8, or write it again from the ground station"
 
+_FENCE, _RALLY = ".fence.waypoints", ".rally.waypoints"
+"""Ends of the names of files that hold a fence alone, and rally points alone."""
+
 
 def read(path: Path | str) -> MissionDocument:
     """Read a mission, fence or rally file.
@@ -42,7 +45,7 @@ def read(path: Path | str) -> MissionDocument:
     """
     path = Path(path)
     document = loads(read_bytes(path, max_bytes=MAX_BYTES), str(path))
-    if path.suffix == ".waypoints" and not path.name.endswith((".fence.waypoints", ".rally.waypoints")):
+    if path.suffix == ".waypoints" and not path.name.endswith((_FENCE, _RALLY)):
         fence_path, rally_path = _siblings(path)
         if fence_path.exists() and not document.fence:
             document = replace(document, fence=read(fence_path).fence)
@@ -86,7 +89,8 @@ def write(document: MissionDocument, path: Path | str, *, force: bool = False) -
     """Write a mission file in the format of its suffix; return every file written.
 
     A ``.waypoints`` file holds the mission alone: fence and rally points go to ``.fence.waypoints`` and
-    ``.rally.waypoints`` beside it, where Mission Planner loads them from. An `InputError` refuses another suffix, a
+    ``.rally.waypoints`` beside it, where Mission Planner loads them from. A fence alone, or rally points alone, can be written to such
+    a file itself. An `InputError` refuses another suffix, a
     file that exists (without `force`), and a folder that cannot be written.
     """
     texts = {file: make(document) for file, make in files_of(document, Path(path)).items()}
@@ -106,6 +110,10 @@ def files_of(document: MissionDocument, path: Path) -> dict[Path, Callable[[Miss
     if path.suffix != ".waypoints":
         remedy = "name it .plan (QGroundControl) or .waypoints (Mission Planner, QGroundControl)"
         raise InputError("has a suffix that is not a mission format", str(path), remedy=remedy)
+    if path.name.endswith(_FENCE) and not len(document.mission) and not len(document.rally):
+        return {path: waypoints_file.dumps_fence}
+    if path.name.endswith(_RALLY) and not len(document.mission) and not document.fence:
+        return {path: waypoints_file.dumps_rally}
     files: dict[Path, Callable[[MissionDocument], str]] = {path: waypoints_file.dumps_mission}
     fence_path, rally_path = _siblings(path)
     # A fence left over from another mission would be read with this one: replace it, or refuse to write.

@@ -16,7 +16,7 @@ from skyway.cli.command_groups import GROUPS, add_command
 from skyway.cli.connection_options import Link
 from skyway.link.protocol.parameter_file import read_required
 from skyway.link.wire.frames import FrameWriter
-from skyway.missions import write
+from skyway.missions import read, write
 from skyway.missions.autopilots.registry import FAMILIES, family_named
 from skyway.missions.items.document import MissionDocument
 from skyway.missions.items.mission import Mission
@@ -342,6 +342,33 @@ def test_a_fence_that_is_left_from_another_mission_is_told(run, plan, tmp_path):
         assert run("clear", "--kind", "all", "--yes", port=port)[0] == 0
         code, text = run("upload", plan, "--yes", port=port)
         assert (code, "not in the file" in text) == (0, False)
+
+
+@pytest.mark.parametrize("family", sorted(FAMILIES))
+def test_one_kind_of_list_is_downloaded_alone(run, tmp_path, family):
+    everything, bare = tmp_path / "all.plan", tmp_path / "other.plan"
+    write(MissionDocument(a_mission(6), a_fence(), some_rally_points()), everything)
+    write(MissionDocument(a_mission(8)), bare)
+    with served(tcp_port=0, autopilot=family) as there:
+        port = there.where()[1]
+        assert run("upload", everything, "--yes", port=port)[0] == 0
+        for kind, name, told in (
+            ("fence", "site.fence.waypoints", "1 fence area"),
+            ("rally", "site.rally.waypoints", "2 rally points"),
+            ("fence", "fence.plan", "1 fence area"),
+            ("mission", "alone.plan", "6 items"),
+        ):
+            file = tmp_path / name
+            assert run("download", "--kind", kind, "-o", file, port=port) == (0, f"{told}\nwrote {file}\n")
+        assert sorted(one.name for one in tmp_path.glob("site*")) == ["site.fence.waypoints", "site.rally.waypoints"]
+        assert read(tmp_path / "site.fence.waypoints").fence.areas == read(everything).fence.areas
+        assert len(read(tmp_path / "site.rally.waypoints").rally) == 2
+        alone = read(tmp_path / "fence.plan")
+        assert (len(alone.mission), len(alone.fence.areas), len(alone.rally)) == (0, 1, 0)
+        assert (len(read(tmp_path / "alone.plan").mission), read(tmp_path / "alone.plan").fence.areas) == (6, ())
+        assert run("clear", "--kind", "fence", "--yes", port=port)[0] == 0
+        assert run("upload", tmp_path / "site.fence.waypoints", "--yes", port=port)[0] == 0  # and back again
+        assert run("verify", everything, port=port)[0] == 0
 
 
 def test_a_mission_with_errors_is_not_sent_unless_that_is_asked_for(run, tmp_path):

@@ -288,14 +288,16 @@ def _send(vehicle: Vehicle, parts: list[Part]) -> list[UploadOutcome]:
 def download(
     link: Link,
     output: Annotated[Path, typer.Option("--output", "-o", help="File to write: .plan or .waypoints.")],
+    kind: Annotated[Kind, typer.Option(help="What to read.")] = Kind.ALL,
     force: options.Force = False,
     as_json: options.AsJson = False,
 ) -> None:
-    """Read mission, fence and rally points of a vehicle into a file.
+    """Read mission, fence and rally points of a vehicle into a file, or one of them.
 
     Examples
     --------
       skyway download -o vehicle.plan --connect udpin:127.0.0.1:14540
+      skyway download --kind fence -o site.fence.waypoints --connect tcp:127.0.0.1:5760
     """
     from skyway.cli.views.link import DownloadReport
     from skyway.link.protocol.mission_words import MissionKind
@@ -306,15 +308,18 @@ def download(
     from skyway.missions.items.rally import RallyPoints
 
     options.refuse_overwriting(output, force=force)
+    kinds = list(MissionKind) if kind is Kind.ALL else [MissionKind[kind.name]]
+    parts: list[Part] = []
+    not_read = []
     with link.aboard() as vehicle:
-        parts: list[Part] = [vehicle.download(MissionKind.MISSION)]
-        not_read = []
-        for kind in (MissionKind.FENCE, MissionKind.RALLY):
+        for each in kinds:
             try:
-                parts.append(vehicle.download(kind))
+                parts.append(vehicle.download(each))
             except CommandRefusedError as error:  # it has no such lists
-                not_read.append(kind.name.lower())
-                typer.echo(f"{kind.word}: not read: {error}", err=True)
+                if kind is not Kind.ALL or each is MissionKind.MISSION:
+                    raise
+                not_read.append(each.name.lower())
+                typer.echo(f"{each.word}: not read: {error}", err=True)
     mission = next((part for part in parts if isinstance(part, Mission)), Mission())
     fence = next((part for part in parts if isinstance(part, Geofence)), Geofence())
     rally = next((part for part in parts if isinstance(part, RallyPoints)), RallyPoints())
@@ -329,9 +334,12 @@ def download(
     if as_json:
         typer.echo(json_text(report))
         return
-    typer.echo(
-        f"{counted(report.items, 'item')}, {counted(report.fence_areas, 'fence area')}, {counted(report.rally_points, 'rally point')}"
-    )
+    counts = {
+        MissionKind.MISSION: counted(report.items, "item"),
+        MissionKind.FENCE: counted(report.fence_areas, "fence area"),
+        MissionKind.RALLY: counted(report.rally_points, "rally point"),
+    }
+    typer.echo(", ".join(counts[each] for each in kinds))
     for path in written:
         typer.echo(f"wrote {path}")
 
