@@ -7,7 +7,7 @@ import re
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from skyway.link.protocol.parameter_file import parameter_lines
+from skyway.link.protocol.parameter_file import IMPLAUSIBLE, parameter_lines
 from skyway.link.protocol.parameters import CHANGE_BY_THEMSELVES, is_whole, misfit, same_value
 from skyway.missions.items.parameters import UNITS
 from skyway.models.base.errors import Fault, InputError, refuse
@@ -121,7 +121,8 @@ def read_set(path: Path) -> SavedSet:
 def compare_set(saved: SavedSet, actual: Mapping[str, ParameterValue], family: Family) -> SetDifference:
     """Compare a set with what a vehicle has.
 
-    Raises an `InputError` if the set is for another autopilot, or with the values that do not fit the type of its parameters.
+    Raises an `InputError` if the set is for another autopilot, or with the values that do not fit the type of its parameters,
+    or that it would change to what is outside the plausible range.
     """
     if saved.stack and not saved.stack.startswith(family.name):
         remedy = f"a set that was saved from {family.name}"
@@ -149,6 +150,9 @@ def compare_set(saved: SavedSet, actual: Mapping[str, ParameterValue], family: F
             same += 1
         elif reason:
             left.append((name, reason))
+        elif expected := family.settings.range_left(name, then):
+            remedy = f"{expected}; correct it, or remove its line"
+            faults.append(Fault(IMPLAUSIBLE, str(saved.path), field=file_name, value=f"{value:.9g}", remedy=remedy))
         else:
             changes.append(SetChange(name, has.value, then, file_name))
     if len(absent) == len(saved.values):

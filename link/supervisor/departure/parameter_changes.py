@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from functools import partial
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 from msgspec.structs import replace
 
@@ -141,6 +141,13 @@ def restore_all(vehicle: Vehicle, changes: ParameterChanges, tell: Callable[[str
     return "; ".join(problems)
 
 
+def state_of(now: float, before: float, ours: float) -> Literal["as before", "of somebody else", "changed"]:
+    """Whether a parameter has its value of before a delivery, another one that somebody else has set, or still ours."""
+    if _same(now, before):
+        return "as before"
+    return "changed" if _same(now, ours) else "of somebody else"
+
+
 def _restore(vehicle: Vehicle, name: str, before: float, ours: float) -> tuple[str, str, float]:
     """Restore one parameter, with a repetition of unanswered requests."""
     for _ in range(_TRIES - 1):
@@ -153,9 +160,10 @@ def _restore(vehicle: Vehicle, name: str, before: float, ours: float) -> tuple[s
 
 def _restore_once(vehicle: Vehicle, name: str, before: float, ours: float) -> tuple[str, str, float]:
     now = vehicle.parameter(name).value
-    if _same(now, before):
+    state = state_of(now, before, ours)
+    if state == "as before":
         return "restored", f"{name} is {before:g} again", now
-    if not _same(now, ours):
+    if state == "of somebody else":
         return "released", f"{name} is {now:g}, set by somebody else: not changed", now
     found = vehicle.set_parameter(name, before).value
     return "restored", f"{name} restored from {now:g} to {before:g}", found

@@ -13,6 +13,8 @@ from wires import FAMILIES, Scene, bad_radio
 from skyway.cli.main import main
 from skyway.link.protocol.parameter_set import compare_set, read_set, set_text
 from skyway.link.protocol.parameters import REAL32, ParameterValue
+from skyway.link.supervisor.journal.entries import ParameterNote
+from skyway.link.supervisor.journal.file import SCHEMA, Journal
 from skyway.link.vehicle.parameter_restore import restore_set
 from skyway.link.vehicle.vehicle import Vehicle
 from skyway.missions.autopilots.registry import family_named
@@ -186,6 +188,12 @@ def test_unknown_ones_its_system_id_and_its_counters_are_left(tmp_path):
         ("1\t100\tCAM,1\t1\t6\n", "is not a parameter"),
         ("1\t100\tCAM\t1\t6\n", "has no parameters"),
         ("MPC_XY_CRUISE,nan\n", "is not a parameter"),
+        ("MPC_XY_CRUISE,inf\n", "is not a parameter"),
+        ("MPC_XY_CRUISE,1e39\n", "does not fit this parameter"),
+        (
+            "MPC_XY_CRUISE,2000\n",
+            r"is outside the plausible range .*got '2000'.*; 0 to 60 m/s; correct it, or remove its line",
+        ),
         ("", "has no parameters"),
     ],
 )
@@ -196,6 +204,56 @@ def test_a_set_that_makes_no_sense_is_refused_in_one_line(tmp_path, text, fault)
     with pytest.raises(InputError, match=fault) as refused:
         compare_set(read_set(file), has, family_named("px4"))
     assert len(str(refused.value).splitlines()) == 1
+
+
+def test_an_implausible_value_that_the_vehicle_has_already_does_not_keep_the_others_from_being_restored(tmp_path):
+    has = {"MPC_XY_CRUISE": ParameterValue("MPC_XY_CRUISE", 2000.0, REAL32), "FOO": ParameterValue("FOO", 1.0, REAL32)}
+    file = tmp_path / "a.param"
+    file.write_text("MPC_XY_CRUISE,2000\nFOO,2\n")
+    found = compare_set(read_set(file), has, family_named("px4"))
+    assert [change.name for change in found.changes] == ["FOO"]
+
+
+def flown(path, **changed):
+    """The journal of a flight that changed parameters, each from one value to another, and did not restore them."""
+    start = {"n": 1, "time": "2014-05-13T16:53:20.000Z", "state": "connecting", "event": "start", "flight": 0, "reason": None, "data": {"schema": SCHEMA}}  # fmt: skip
+    path.write_text(json.dumps(start) + "\n")
+    journal = Journal(path, lambda: 1_400_000_000.0, resume=True)
+    for name, (before, after) in changed.items():
+        journal.write("preflight", ParameterNote(name=name, done="setting", before=before, after=after))
+    journal.close()
+    return path
+
+
+def test_what_a_flight_changed_is_shown_before_it_is_restored_and_asked_for_once(run, tmp_path, monkeypatch):
+    path = flown(tmp_path / "f.jsonl", MPC_XY_CRUISE=(6.5, 5.0), RTL_RETURN_ALT=(50.0, 75.0))
+    with served(tcp_port=0, autopilot="px4") as there:
+        store = there.world.vehicles[1].autopilot.parameters
+        own = store["RTL_RETURN_ALT"]
+        monkeypatch.setattr("sys.stdin", Terminal("n\n"))
+        code, out, _ = run(there, "params", "restore", path)
+        assert code == 0
+        assert "MPC_XY_CRUISE: 5 (before the flight: 6.5) would be restored\n" in out
+        assert "would be left: it was changed since" in out
+        assert out.index("would be restored") < out.index("set 1 parameter?") < out.index("nothing was changed")
+        assert store["MPC_XY_CRUISE"] == 5.0
+        code, out, _ = run(there, "params", "restore", path, "--yes")
+        assert code == 0
+        shown, done = out.index("would be restored"), out.index("MPC_XY_CRUISE: 6.5 (before the flight: 6.5) restored")
+        assert shown < done
+        assert (store["MPC_XY_CRUISE"], store["RTL_RETURN_ALT"]) == (6.5, own)
+
+
+def test_a_journal_with_a_value_that_the_vehicle_cannot_hold_restores_nothing(run, tmp_path):
+    with served(tcp_port=0, autopilot="px4") as there:
+        store = there.world.vehicles[1].autopilot.parameters
+        kind = store["NAV_DLL_ACT"]
+        path = flown(tmp_path / "f.jsonl", MPC_XY_CRUISE=(6.5, 5.0), NAV_DLL_ACT=(1.5, kind))
+        for words in ([], ["--yes"]):
+            code, _, err = run(there, "params", "restore", path, *words)
+            assert code == 2
+            assert "NAV_DLL_ACT: is a whole number on the vehicle (got '1.5'); nothing was restored" in err
+        assert store["MPC_XY_CRUISE"] == 5.0
 
 
 VALUES = st.dictionaries(

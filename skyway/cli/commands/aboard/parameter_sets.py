@@ -88,7 +88,7 @@ def restore_from_set(link: Link, file: Path, *, yes: bool, as_json: bool) -> Non
         difference = compare_set(saved, vehicle.parameters(), vehicle.family)
         if not as_json:
             _show(saved, difference)
-        agreed = bool(difference.changes) and (yes or _asked(len(difference.changes), as_json=as_json))
+        agreed = bool(difference.changes) and (yes or asked(len(difference.changes), as_json=as_json))
         if agreed:
             if vehicle.armed:
                 raise CommandRefusedError("restore parameters", "the vehicle is armed: on the ground only")
@@ -111,7 +111,7 @@ def restore_from_set(link: Link, file: Path, *, yes: bool, as_json: bool) -> Non
         raise LinkError(f"not all parameters were restored: {problem}")
 
 
-def _asked(count: int, *, as_json: bool) -> bool:
+def asked(count: int, *, as_json: bool) -> bool:
     """Ask the person at a terminal; without one the answer is no."""
     if as_json or not sys.stdin.isatty():
         return False

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from contextlib import closing
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import msgspec
 import typer
@@ -13,8 +13,14 @@ import typer
 from skyway.cli import options
 from skyway.cli.connection_options import Armed, Link, Yes, refuse_armed
 from skyway.cli.option_groups import with_groups
-from skyway.models.base.errors import CommandRefusedError, InputError, LinkError
+from skyway.models.base.errors import CommandRefusedError, Fault, InputError, LinkError, refuse
 from skyway.models.base.json_text import json_text
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from skyway.link.supervisor.departure.parameter_changes import ParameterChanges
+    from skyway.link.vehicle.vehicle import Vehicle
 
 
 class ParameterValues(msgspec.Struct, frozen=True, kw_only=True):
@@ -69,6 +75,7 @@ class ParametersRestore(msgspec.Struct, frozen=True, kw_only=True):
     problem: str | None
 
 
+_WOULD_BE_RESTORED = "would be restored"
 params = typer.Typer(help="Read, set, compare and restore parameters.", no_args_is_help=True)
 
 
@@ -217,9 +224,10 @@ def params_restore(
 
 
 def _restore_from_journal(link: Link, journal: Path, *, yes: bool, as_json: bool) -> None:
-    """Restore what a flight changed."""
+    """Restore what a flight changed: shown first, agreed to once, and nothing if one of the values cannot be set."""
     from datetime import UTC, datetime
 
+    from skyway.cli.commands.aboard.parameter_sets import asked
     from skyway.link.supervisor import Journal, read_journal
     from skyway.link.supervisor.departure.parameter_changes import changes_of, restore_all
     from skyway.link.supervisor.journal.entries import ParameterNote
@@ -228,21 +236,20 @@ def _restore_from_journal(link: Link, journal: Path, *, yes: bool, as_json: bool
     changes = changes_of(records)
     rows: list[ParameterRestored] = []
     problem = ""
+    agreed = yes
     if changes.before:
         with link.aboard() as vehicle:
-            if not yes:
-                rows = [
-                    ParameterRestored(
-                        name=name, now=vehicle.parameter(name).value, before=value, done="would be restored"
-                    )
-                    for name, value in changes.before.items()
-                ]
-            elif vehicle.armed:
+            rows = _planned(vehicle, changes, journal)
+            if not as_json:
+                _show(rows)
+            agreed = yes or (_to_restore(rows) > 0 and asked(_to_restore(rows), as_json=as_json))
+            if agreed and vehicle.armed:
                 raise CommandRefusedError(
                     "restore parameters", "the vehicle is armed: failsafes are not changed in flight"
                 )
-            else:
+            if agreed:
                 book = Journal(journal, lambda: datetime.now(UTC).timestamp(), resume=True)
+                rows = []
 
                 def told(name: str, done: str, sentence: str, value: float) -> None:
                     entry = ParameterNote(name=name, done=done, value=value)
@@ -254,11 +261,42 @@ def _restore_from_journal(link: Link, journal: Path, *, yes: bool, as_json: bool
     if as_json:
         typer.echo(json_text(ParametersRestore(ok=not problem, parameters=rows, problem=problem or None)))
     else:
-        for row in rows:
-            typer.echo(f"{row.name}: {row.now:.9g} (before the flight: {row.before:.9g}) {row.done}")
+        if agreed:
+            _show(rows)
         if not changes.before:
             typer.echo("nothing to restore: the journal lists no changed parameter")
-        elif not yes:
-            typer.echo("add --yes to restore")
+        elif not agreed:
+            typer.echo(f"nothing was changed{'; add --yes to restore' if _to_restore(rows) else ''}")
     if problem:
         raise LinkError(f"not all parameters were restored: {problem}")
+
+
+def _to_restore(rows: Sequence[ParameterRestored]) -> int:
+    return sum(row.done == _WOULD_BE_RESTORED for row in rows)
+
+
+def _planned(vehicle: Vehicle, changes: ParameterChanges, journal: Path) -> list[ParameterRestored]:
+    """What would be restored. An `InputError` refuses all if the vehicle cannot hold one of the values."""
+    from skyway.link.protocol.parameters import misfit
+    from skyway.link.supervisor.departure.parameter_changes import state_of
+
+    done = {
+        "as before": "is so again",
+        "of somebody else": "would be left: it was changed since",
+        "changed": _WOULD_BE_RESTORED,
+    }
+    rows, faults = [], []
+    for name, before in changes.before.items():
+        now = vehicle.parameter(name)
+        state = state_of(now.value, before, changes.ours[name])
+        why = misfit(before, now.kind)
+        if why and state == "changed":
+            faults.append(Fault(why, str(journal), field=name, value=f"{before:.9g}", remedy="nothing was restored"))
+        rows.append(ParameterRestored(name=name, now=now.value, before=before, done=done[state]))
+    refuse(faults)
+    return rows
+
+
+def _show(rows: Sequence[ParameterRestored]) -> None:
+    for row in rows:
+        typer.echo(f"{row.name}: {row.now:.9g} (before the flight: {row.before:.9g}) {row.done}")
