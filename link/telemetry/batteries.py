@@ -21,6 +21,8 @@ RECENT = 3
 """Number of reports of each battery that are kept."""
 _OF_OTHERS = frozenset((3, 4))
 """MAV_BATTERY_FUNCTION of batteries that do not turn the propellers: avionics, payload."""
+_NO_CELL = 0, 65535
+"""Voltages of cells that are none."""
 _FRESH_S = 30.0
 _APART = 0.1
 """Packs that share a load differ by less."""
@@ -40,6 +42,11 @@ class Battery:
     def soc(self) -> float:
         """State of charge in its newest report; NaN if that reports none."""
         return _known(self.message["battery_remaining"])
+
+    @property
+    def is_there(self) -> bool:
+        """Whether there is one: an input of PX4 where none is plugged in is reported with neither a charge nor a voltage."""
+        return bool(self.recent) or any(one not in _NO_CELL for one in self.message["voltages"])
 
 
 class Batteries:
@@ -85,8 +92,8 @@ class Batteries:
 
     def unknown(self, now_s: float) -> list[int]:
         """Return the numbers of those, of several, that report no state of charge: that of another battery says nothing of theirs."""
-        fresh = self.fresh(now_s)
-        return [number for number, one in fresh.items() if math.isnan(one.soc)] if len(fresh) > 1 else []
+        there = {number: one for number, one in self.fresh(now_s).items() if one.is_there}
+        return [number for number, one in there.items() if math.isnan(one.soc)] if len(there) > 1 else []
 
     def apart(self, now_s: float) -> str:
         """Return in words that one of them is much emptier than another; empty if none is."""

@@ -10,8 +10,9 @@ from skyway.link.wire.messages import Message
 NOW_S = 1_000.0
 
 
-def reported(number, percent, function=1):
-    return Message("BATTERY_STATUS", 1, 1, {"id": number, "battery_remaining": percent, "battery_function": function})
+def reported(number, percent, function=1, volts=(15_800,)):
+    fields = {"id": number, "battery_remaining": percent, "battery_function": function, "voltages": list(volts)}
+    return Message("BATTERY_STATUS", 1, 1, fields)
 
 
 def status(percent):
@@ -63,6 +64,17 @@ def test_one_of_several_that_reports_no_charge_is_named_and_a_single_one_is_know
     batteries.hear(reported(1, 70), NOW_S)
     assert batteries.unknown(NOW_S) == [0]
     assert batteries.unknown(NOW_S + 60.0) == []
+
+
+@pytest.mark.parametrize("volts", [(65_535,) * 10, (0,) * 10])
+def test_an_input_where_no_battery_is_plugged_in_is_none_until_one_was_there(volts):
+    batteries = Batteries()
+    batteries.hear(reported(0, 70), NOW_S)
+    batteries.hear(reported(1, -1, volts=volts), NOW_S)
+    assert batteries.unknown(NOW_S) == []
+    batteries.hear(reported(1, 60), NOW_S)
+    batteries.hear(reported(1, -1, volts=volts), NOW_S)
+    assert batteries.unknown(NOW_S) == [1]
 
 
 def test_batteries_far_apart_are_told_with_both_values():
