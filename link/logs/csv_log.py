@@ -291,7 +291,11 @@ class CsvLog:
             if velocity:
                 values |= _turned(velocity, x, y, z, w)
         if "power_w" not in values and {"voltage_v", "current_a"} <= values.keys():
-            values["power_w"] = values["voltage_v"] * values["current_a"]
+            with np.errstate(over="ignore", invalid="ignore"):  # beyond any battery: withheld as implausible
+                values["power_w"] = values["voltage_v"] * values["current_a"]
+        if {"lat_deg", "lon_deg"} <= values.keys():
+            nowhere = (values["lat_deg"] == 0.0) & (values["lon_deg"] == 0.0)  # no fix
+            values |= {name: np.where(nowhere, np.nan, values[name]) for name in ("lat_deg", "lon_deg")}
         return values
 
 

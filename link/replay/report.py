@@ -179,6 +179,20 @@ def instant(found: Replay, time_s: float) -> Instant:
     return iso(from_posix(round(time_s, 3)))
 
 
+def wind_basis(found: Replay) -> str:
+    """Return how the wind was measured, or why it was not."""
+    if not len(found.wind):
+        why = f": {found.drag_reason}" if found.drag_source == "none" and found.drag_reason else ""
+        return f"not measured{why}"
+    later = "from the whole log, unlike in a live flight"
+    return {
+        "identified": f"drag identified {later}",
+        "none": f"by airspeed, calibrated {later}" if found.airspeed_source == "identified" else "by airspeed",
+        "given": "given drag",
+        "nominal": "nominal drag",
+    }[found.drag_source]
+
+
 def replay_report(
     found: Replay, prediction: Prediction | None = None, parameters: dict[str, str] | None = None
 ) -> ReplayReport:

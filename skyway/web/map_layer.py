@@ -67,9 +67,9 @@ class OnMap(ui.element):
 class Player(OnMap, component="static/player.js", esm={"skyway-flight": "static/flight"}):
     """Plays logs: ``static/player.js``."""
 
-    def in_zone(self, timezone: str) -> None:
-        """Show local times of a zone."""
-        self._props["zone"] = timezone
+    def in_region(self, timezone: str, bounds: Sequence[float]) -> None:
+        """Show local times of a region (west, south, east, north) for its logs, and UTC for logs from elsewhere."""
+        self._props["zone"], self._props["bounds"] = timezone, list(bounds)
         self.update()
 
 

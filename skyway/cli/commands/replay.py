@@ -23,6 +23,7 @@ from skyway.models.base.formatting import (
     mass_text,
     percent,
     speed_text,
+    wind_text,
     with_unit,
 )
 from skyway.models.base.json_text import json_text
@@ -316,7 +317,8 @@ def _tell(found: Replay, report: ReplayReport, path: Path) -> None:
     typer.echo(
         f"{path.name}: {summary.format}, {counted(summary.messages, 'message')}, {counted(summary.skipped_bytes, 'byte')} skipped"
     )
-    typer.echo(f"  {report.start or 'no time'} to {report.end or 'no time'} by {summary.time_base.source}")
+    begin, end = ("no time" if one is None else one for one in (report.start, report.end))
+    typer.echo(f"  {begin} to {end} by {summary.time_base.source}")
     for doubt in summary.time_base.doubts:
         typer.echo(f"  warning: {doubt}")
     shown = ", ".join(str(number) for number in summary.systems) or "none"
@@ -350,23 +352,21 @@ def _tell_prediction(made: Prediction) -> None:
 
 
 def _tell_wind(found: Replay, summary: WindSummary) -> None:
+    from skyway.link.replay.report import wind_basis
+
     if not len(found.wind):
-        why = f": {found.drag_reason}" if found.drag_source == "none" and found.drag_reason else ""
-        typer.echo(f"  wind: not measured{why}")
+        typer.echo(f"  wind: {wind_basis(found)}")
         return
-    later = "from the whole log, unlike in a live flight"
-    how = {
-        "identified": f"drag identified {later}",
-        "none": f"by airspeed, calibrated {later}" if found.airspeed_source == "identified" else "by airspeed",
-        "given": "given drag",
-        "nominal": "nominal drag",
-    }[found.drag_source]
     typer.echo(
-        f"  wind: {summary.mean_speed_mps} m/s from {summary.mean_from_deg}° on average, ± "
-        f"{speed_text(float(found.wind.sigma_mps[-1]))} at the end ({how})"
+        f"  wind: {_wind(summary.mean_speed_mps, summary.mean_from_deg)} on average, ± "
+        f"{speed_text(float(found.wind.sigma_mps[-1]))} at the end ({wind_basis(found)})"
     )
     if (forecast := summary.forecast) is not None:
         typer.echo(
-            f"  forecast: {forecast.speed_mps} m/s from {forecast.from_deg}°; on average "
-            f"{forecast.vector_difference_mps} m/s apart, {forecast.vector_rms_mps} m/s RMS"
+            f"  forecast: {_wind(forecast.speed_mps, forecast.from_deg)}; on average "
+            f"{speed_text(forecast.vector_difference_mps)} apart, {speed_text(forecast.vector_rms_mps)} RMS"
         )
+
+
+def _wind(speed_mps: float | None, from_deg: float | None) -> str:
+    return wind_text(math.nan if speed_mps is None else speed_mps, math.nan if from_deg is None else from_deg)

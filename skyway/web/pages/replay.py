@@ -36,7 +36,7 @@ class ReplayPage:
                 ui.element("div").classes("rows wide"),
             ):
                 Drop(
-                    "Drop a log here, or choose (.tlog, .bin, .ulg, journal)",
+                    "Drop a log here, or choose (.tlog, .bin, .ulg, .csv, journal)",
                     ",".join(LOGS),
                     self.uploaded,
                     self.refused,
@@ -65,7 +65,7 @@ class ReplayPage:
             region: dict[str, Any] = await self.site.region()
         except SkywayError:
             region = {"timezone": "UTC", "bounds": [-180, -60, 180, 70]}
-        self.player.in_zone(region["timezone"])
+        self.player.in_region(region["timezone"], region["bounds"])
         self.map.put(bounds=region["bounds"], fitted=True)
         self._list()
         self._open()

@@ -5,6 +5,7 @@ import { inWords, zoneName } from "skyway-flight/words.js";
 
 const SPEEDS = [-60, -10, -1, 1, 5, 10, 30, 60, 120];
 const COLOURS = ["vehicle", "start"];
+const AWAY_DEG = 2; // a log from farther outside the region is not of its zone of time
 
 // Two logs are put together where they took off first: the one that did so sooner after its begin is moved in time.
 function together(log, logs) {
@@ -22,7 +23,7 @@ function together(log, logs) {
 }
 
 export default {
-  props: { speedUnit: String, speedFactor: Number, heightUnit: String, heightFactor: Number, utc: Boolean, zone: String },
+  props: { speedUnit: String, speedFactor: Number, heightUnit: String, heightFactor: Number, utc: Boolean, zone: String, bounds: Array },
   emits: ["failed"],
   data() {
     return { logs: [], at: 0, speed: 10, playing: false, reading: "" };
@@ -30,6 +31,14 @@ export default {
   computed: {
     end() {
       return Math.max(1, ...this.logs.map((log) => log.columns.time_s.at(-1)));
+    },
+    // The zone of time is that of the region; a log from elsewhere is in UTC.
+    clockOf() {
+      const { lat, lon } = this.logs[0].columns;
+      const k = lat.findIndex((one, i) => one !== null && lon[i] !== null);
+      const [west, south, east, north] = this.bounds || [-180, -90, 180, 90];
+      const inside = (x, low, high) => x >= low - AWAY_DEG && x <= high + AWAY_DEG;
+      return { utc: this.utc || (k >= 0 && !(inside(lat[k], south, north) && inside(lon[k], west, east))), zone: this.zone };
     },
     // Of all logs, in the order of time; which log each is of stands before it where there are two.
     events() {
@@ -61,6 +70,7 @@ export default {
         "aria-valuetext": this.clock(this.at), onInput: (e) => this.jump(Number(e.target.value)),
       }),
       h("div", { class: "nows" }, this.logs.map((log, i) => this.now(log, i))),
+      ...this.logs.filter((log) => log.notes.length).map((log) => this.notes(log)),
       h("div", { class: "traces" }, this.traces()),
       h("ol", { class: "events", "aria-label": "Events", onKeydown: (e) => this.along(e) }, this.eventRows()),
     ]);
@@ -144,7 +154,7 @@ export default {
     // Whether it tells of this time: "" or what is shown in place of it.
     outside(log) {
       const { time_s } = log.columns;
-      return this.at > time_s.at(-1) + 1 ? "ended: its last values" : this.at < time_s[0] - 1 ? "not begun: its first values" : "";
+      return this.at > time_s.at(-1) + 1 ? "ended: its last values" : this.at < time_s[0] - 1 ? "no telemetry yet: its first values" : "";
     },
     show() {
       if (!this.logs.length) return;
@@ -164,10 +174,10 @@ export default {
       const whole = Math.max(0, Math.round(seconds));
       const relative = `${Math.floor(whole / 3600)}:${String(Math.floor(whole / 60) % 60).padStart(2, "0")}:${String(whole % 60).padStart(2, "0")}`;
       if (!log || log.begin_s === null) return relative;
-      const zone = this.utc ? "UTC" : this.zone;
+      const zone = this.clockOf.utc ? "UTC" : this.zone;
       const day = new Date(1000 * (log.begin_s + seconds));
       const words = day.toLocaleString("sv-SE", { timeZone: zone, hour12: false });
-      return `${relative} (${words} ${zoneName(log.begin_s + seconds, this)})`;
+      return `${relative} (${words} ${zoneName(log.begin_s + seconds, this.clockOf)})`;
     },
     now(log, i) {
       const k = this.row(log);
@@ -188,6 +198,11 @@ export default {
         h("div", [h("dt", ["log", ` ${i + 1}`]), h("dd", { class: "small-dd" }, [log.name, h("span", { class: "small" }, this.outside(log))])]),
         ...cells.map(([name, words]) => h("div", [h("dt", name), h("dd", { class: "small-dd" }, words)])),
       ]);
+    },
+    // What is to be known of the log as a whole: how its wind was measured, and what its times are worth.
+    notes(log) {
+      const words = this.logs.length > 1 ? `${log.name}: ` : "";
+      return h("ul", { class: "notes small-notes", "aria-label": `Notes on ${log.name}` }, log.notes.map((one) => h("li", { class: one.startsWith("warning") ? "warn" : "faint" }, `${words}${inWords(one, this)}`)));
     },
     traces() {
       this.drawn ||= ["height_m", "soc", "ground_speed_mps", "wind"].map((name) => lines(this.logs, name, this.end, this));

@@ -9,15 +9,20 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from skyway.models.base.errors import InputError
+from skyway.models.base.views import counted
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from numpy.typing import NDArray
 
+    from skyway.link.replay.replay import Replay
+
 MOST_ROWS = 20_000
 """Rows that a browser gets; of longer logs each second, third … row."""
 MOST_EVENTS = 2_000
+WIND_KEPT_S = 10.0
+"""For so long after a measurement the wind counts as known; then, as on the ground, it is unknown."""
 FIRST_S, LAST_S = 0.0, 253_370_764_800.0
 """POSIX seconds of 1970 and of 9999: times of a log outside these have no date."""
 NAMES = (
@@ -53,7 +58,8 @@ def _log(file: Path) -> dict[str, Any]:
         raise InputError("has no telemetry", str(file))
     step = max(1, math.ceil(len(track) / MOST_ROWS))
     at = slice(None, None, step)
-    wind = _wind_at(found.wind, track.time_s[at])
+    apart_s = float(np.median(np.diff(track.time_s))) if len(track) > 1 else 0.0
+    wind = _wind_at(found.wind, track.time_s[at], max(WIND_KEPT_S, 3.0 * apart_s))
     columns = {
         "time_s": track.time_s[at],
         "lat": track["lat_deg"][at],
@@ -66,17 +72,34 @@ def _log(file: Path) -> dict[str, Any]:
     }
     flights = [[leg.start_s, leg.end_s] for leg in found.legs]
     events = [{"time_s": one.time_s, "text": one.text} for one in found.events[:MOST_EVENTS]]
-    return _document(file, columns, flights, events, absolute=found.summary.time_base.absolute)
+    begin_s = min(found.summary.start_s, float(track.time_s[0]))
+    absolute = found.summary.time_base.absolute
+    return _document(file, columns, flights, events, begin_s, absolute=absolute) | {"notes": _notes(found)}
 
 
-def _wind_at(wind: Any, time_s: NDArray[np.float64]) -> dict[str, NDArray[np.float64]]:
-    """The estimated wind at some times: the last one before each."""
+def _notes(found: Replay) -> list[str]:
+    """What ``skyway replay`` says of a log as a whole."""
+    from skyway.link.replay.report import wind_basis
+
+    summary = found.summary
+    told = [f"vehicle: {found.vehicle.kind} ({found.vehicle.told_by})", f"wind: {wind_basis(found)}"]
+    told += [f"warning: {one}" for one in summary.time_base.doubts]
+    if summary.skipped_bytes:
+        told.append(f"warning: {counted(summary.skipped_bytes, 'byte')} of the file belong to no message")
+    if len(found.events) > MOST_EVENTS:
+        told.append(f"only the first {counted(MOST_EVENTS, 'event')} are shown, of {len(found.events):,}")
+    return told
+
+
+def _wind_at(wind: Any, time_s: NDArray[np.float64], kept_s: float) -> dict[str, NDArray[np.float64]]:
+    """The estimated wind at some times: the last one before each, unless it is older than `kept_s`."""
     if not len(wind):
         nothing = np.full(len(time_s), np.nan)
         return dict.fromkeys(("wind_north_mps", "wind_east_mps", "wind_sigma_mps", "health"), nothing)
     last = np.searchsorted(wind.time_s, time_s, side="right") - 1
-    known = last >= 0
+    begun = last >= 0
     last = np.maximum(last, 0)
+    known = begun & (time_s - wind.time_s[last] <= kept_s)
     sigma = np.sqrt(np.maximum((wind.covariance[last, 0] + wind.covariance[last, 2]) / 2.0, 0.0))
     columns = {
         "wind_north_mps": wind.wind[last, 0], "wind_east_mps": wind.wind[last, 1], "wind_sigma_mps": sigma,
@@ -103,7 +126,8 @@ def _journal(file: Path) -> dict[str, Any]:
     events = [
         {"time_s": one.time_s, "text": f"{one.state}: {one.reason or one.event}"} for one in report.events[:MOST_EVENTS]
     ]
-    return _document(file, columns, flights, events, absolute=True)
+    begin_s = float(columns["time_s"][0])
+    return _document(file, columns, flights, events, begin_s, absolute=True) | {"notes": []}
 
 
 def _document(
@@ -111,12 +135,14 @@ def _document(
     columns: dict[str, NDArray[np.float64]],
     flights: Sequence[Sequence[float]],
     events: list[dict[str, Any]],
+    begin_s: float,
     *,
     absolute: bool,
 ) -> dict[str, Any]:
     count = len(columns["time_s"])
-    begin_s = float(columns["time_s"][0])
-    dated = absolute and all(FIRST_S <= float(columns["time_s"][at]) < LAST_S for at in (0, -1))  # else: wrong clock
+    dated = absolute and all(
+        FIRST_S <= one < LAST_S for one in (begin_s, float(columns["time_s"][-1]))
+    )  # else: wrong clock
     rows = {
         name: _plain(columns.get(name, np.full(count, np.nan)), 7 if name in {"lat", "lon"} else 3) for name in NAMES
     }

@@ -276,6 +276,15 @@ def test_a_csv_with_our_names_needs_no_mapping(tmp_path):
     assert any("earlier" in doubt for doubt in log.summary.time_base.doubts)
 
 
+def test_a_position_of_zero_zero_and_a_power_beyond_numbers_are_unknown(tmp_path):
+    path = tmp_path / "log.csv"
+    path.write_text("time_s,lat_deg,lon_deg,voltage_v,current_a\n0,0,0,1e308,10\n1,0,8,22,10\n2,47,0,22,10\n")
+    track = one_track(path)  # a warning would be an error
+    assert [math.isnan(one) for one in track["lat_deg"]] == [True, False, False]
+    assert [math.isnan(one) for one in track["lon_deg"]] == [True, False, False]
+    assert [math.isnan(one) for one in track["power_w"]] == [True, False, False]
+
+
 def test_a_csv_is_read_by_a_mapping(tmp_path):
     mapping = tmp_path / "columns.toml"
     mapping.write_text(

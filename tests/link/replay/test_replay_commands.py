@@ -3,6 +3,7 @@
 import csv
 import json
 import math
+import re
 import shutil
 import socket
 
@@ -52,6 +53,14 @@ def test_replay_for_people_tells_legs_battery_wind_and_forecast(skyway, flight):
     text = skyway("replay", flight, "--wind", "5@143", "--from", "0:00:30", "--to", "200")
     for word in ("leg 1", "cruise", "wind:", "forecast: 5.0 m/s", "vehicles: 1"):
         assert word in text
+
+
+def test_figures_for_people_have_the_digits_that_are_known(skyway, flight, tmp_path):
+    text = skyway("replay", flight, "--wind", "5@143")
+    assert re.search(r"\n  wind: \d+\.\d m/s from \d{3}° on average, ± \d\.\d m/s at the end \(", text)
+    assert re.search(r"\n  forecast: 5\.0 m/s from 143°; on average \d+\.\d m/s apart, \d+\.\d m/s RMS\n", text)
+    (tmp_path / "table.csv").write_text("time_s,soc\n0,0.9\n1,0.8\n")
+    assert "\n  0.0 to 1.0 by the table's time column\n" in skyway("replay", "table.csv")
 
 
 def test_a_package_is_of_a_drone(skyway, flight):

@@ -41,13 +41,21 @@ function path(times, course, x, y) {
 
 function area(times, course, sigma, factor, x, y) {
   const every = Math.max(1, Math.floor(times.length / 600));
-  const [up, down] = [[], []];
+  let [out, up, down] = ["", [], []];
+  const close = () => {
+    if (up.length > 1) out += `M${[...up, ...down.reverse()].join("L")}Z`;
+    [up, down] = [[], []];
+  };
   for (let i = 0; i < times.length; i += every) {
-    if (course[i] === null || sigma[i] === null) continue;
+    if (course[i] === null || sigma[i] === null) {
+      close();
+      continue;
+    }
     up.push(`${x(times[i]).toFixed(1)} ${Math.max(4, y(course[i] + sigma[i] * factor)).toFixed(1)}`);
     down.push(`${x(times[i]).toFixed(1)} ${y(Math.max(course[i] - sigma[i] * factor, 0)).toFixed(1)}`);
   }
-  return up.length > 1 ? `M${[...up, ...down.reverse()].join("L")}Z` : "";
+  close();
+  return out;
 }
 
 export function marks(one, share, go) {
