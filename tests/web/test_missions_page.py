@@ -9,7 +9,7 @@ import pytest
 from skyway.missions import Mission, MissionDocument, MissionItem, read, write
 from skyway.missions.items.altitude_frames import Frame
 from skyway.missions.items.commands import Command
-from tests.web.browsing import chromium, person
+from tests.web.browsing import WIDER, chromium, person
 from tests.web.simulated import simulated
 
 pytestmark = pytest.mark.slow
@@ -60,6 +60,35 @@ def test_a_mission_is_compared_uploaded_read_back_and_compared_again(page):
         assert rows.count() >= count - 1
         assert "65" in rows.nth(1).inner_text()
         assert "50" in rows.nth(1).inner_text()
+
+
+def test_a_mission_with_errors_is_uploaded_only_if_that_is_chosen_and_each_upload_is_confirmed(page):
+    mission(page.folder / "low.plan", height_m=-5.0, corners=3)
+    mission(page.folder / "fine.plan", corners=3)
+    with chromium() as browser, simulated("jersey-city") as vehicle, person(browser, page.address, "/missions") as tab:
+        tab.get_by_label("Missions in the work folder").select_option("low.plan")
+        tab.locator(".answer .big").filter(has_text="error").wait_for()
+        tab.get_by_label("Connection").fill(vehicle.drone)
+        tab.get_by_label("Connection").press("Tab")
+        sure, upload = tab.get_by_label("I am sure"), tab.get_by_role("button", name="Upload and read back")
+        sure.check()
+        upload.click()
+        told(tab, "upload: not done")
+        assert "nothing was sent" in tab.locator("pre.output").inner_text()
+        tab.wait_for_function("(box) => !box.checked", arg=sure.element_handle())
+        tab.get_by_label("Upload it although the check finds errors").check()
+        sure.check()
+        upload.click()
+        told(tab, "upload: done")
+        tab.wait_for_function("(box) => !box.checked", arg=sure.element_handle())
+        sure.check()
+        tab.get_by_label("Missions in the work folder").select_option("fine.plan")
+        tab.locator(".answer .big").filter(has_text="fine.plan").wait_for()
+        tab.wait_for_function("(box) => !box.checked", arg=sure.element_handle())
+        upload.click()
+        told(tab, "confirm it above")
+        tab.set_viewport_size({"width": 390, "height": 844})
+        assert tab.evaluate(WIDER) == []
 
 
 def test_what_is_certain_is_mended_as_a_new_file(page):

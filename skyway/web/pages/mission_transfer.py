@@ -45,7 +45,7 @@ class Transfer:
         self, site: Site, client: Client, file: Callable[[], str], differ: Callable[[list[dict[str, Any]]], None]
     ) -> None:
         self.site, self.client, self._file, self._differ = site, client, file, differ
-        self.connect, self.sure = "", False
+        self.connect, self.sure, self.despite = "", False, False
         self.run: Run | None = None
         text("h2", "Vehicle")
         Field(
@@ -56,10 +56,13 @@ class Transfer:
         with ui.element("div").classes("line"):
             Button("Compare with the vehicle", self.compare)
         Field(
-            "I am sure: replace the mission of the vehicle",
-            lambda on: setattr(self, "sure", bool(on)),
+            "Upload it although the check finds errors (--with-errors)",
+            lambda on: setattr(self, "despite", bool(on)),
             kind="check",
             value=False,
+        )
+        self.confirmation = Field(
+            "I am sure: replace the mission of the vehicle", self._confirmed, kind="check", value=False
         )
         with ui.element("div").classes("line"):
             Button("Upload and read back", self.upload, "main")
@@ -80,7 +83,17 @@ class Transfer:
             self.progress.tell(words, wrong=True)
             return
         self._differ([])
-        await self._told("upload", "--yes")
+        if await self._told("upload", "--yes", *(["--with-errors"] if self.despite else [])):
+            self.doubt()
+
+    def doubt(self) -> None:
+        """Ask for the confirmation again: it is for one upload of one file."""
+        self.sure = False
+        self.confirmation.show(False)  # noqa: FBT003  a value like any other
+
+    def _confirmed(self, on: Any) -> None:
+        self.sure = bool(on)
+        self.confirmation.keep(self.sure)
 
     async def _told(self, command: str, *more: str) -> bool:
         """Run a command of the link in its own process, and show its output; False if it could not be started."""
@@ -96,7 +109,7 @@ class Transfer:
             self.progress.tell("Wait for what is running.", wrong=True)
             return False
         self.run = Run([command, str(path), "--connect", self.connect, *more], self._heard, outlives=True)
-        self.progress.tell(f"skyway {shlex.join([command, self._file(), '--connect', self.connect])}")
+        self.progress.tell(f"skyway {shlex.join([command, self._file(), '--connect', self.connect, *more])}")
         self.bar.props("max=1 value=0")
         say(self.output, "")
         code = await self.run.finished()

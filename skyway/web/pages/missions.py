@@ -135,12 +135,14 @@ class MissionsPage:
     async def choose(self, name: Any) -> None:
         """Show a file of the folder."""
         self.file = str(name)
+        self.transfer.doubt()
         self._differ([])
         await self._show()
 
     async def uploaded(self, name: str) -> None:
         """Show an uploaded file."""
         self.file = name
+        self.transfer.doubt()
         self._differ([])
         self._list()
         await self._show()
@@ -247,6 +249,7 @@ class MissionsPage:
             self.status.tell(str(error), wrong=True)
             return
         self.file = names[0]
+        self.transfer.doubt()
         self._list()
         await self._show()
         self.status.tell("; ".join((f"saved {', '.join(names)}", *made["told"])))
