@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 from dataclasses import asdict
 from typing import TYPE_CHECKING
+from zoneinfo import ZoneInfo
 
 from skyway.link.supervisor import connect, holding, lost_link
 from skyway.link.supervisor import resume as resuming
@@ -19,6 +20,7 @@ from skyway.link.supervisor.journal.file import SCHEMA, read_journal
 from skyway.link.supervisor.journal.parts import Forecast
 from skyway.link.supervisor.progress import DeliveryProgress
 from skyway.link.supervisor.proof.evidence import Verdict
+from skyway.link.supervisor.proof.proof import Proof
 from skyway.link.supervisor.soc.energy_learning import EnergyLearning
 from skyway.link.supervisor.states import ENDS, IN_AIR, State, Status, Turn
 from skyway.link.supervisor.wind_book import WindBook
@@ -91,6 +93,7 @@ class Supervisor:
         self.context = Context(
             vehicle, clock, journal, pads, operator, job, wind, Status(clock.now_s()), DeliveryProgress(resumed=resume),
             EnergyLearning(belief if job.drag is None else belief.counting_airspeed()), Conversation(operator), on_tick=on_tick,
+            proof=Proof(zone=ZoneInfo(job.scenario.timezone)),
         )  # fmt: skip
         vehicle.traffic.take_limits(job.traffic.limits)
         if resume:

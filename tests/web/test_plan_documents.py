@@ -12,7 +12,7 @@ import pytest
 from skyway.cli.main import main
 from skyway.models.terrain.files import read_terrain
 from skyway.web import drawn
-from skyway.web.pages.plan_answer import figures
+from skyway.web.pages.plan_answer import explained, figures
 from skyway.web.preferences import Preferences
 from skyway.web.work.exports import export, opened
 from skyway.web.work.planned import plan
@@ -109,3 +109,10 @@ def test_heights_over_terrain_are_drawn_with_the_least_clearance_in_the_units_wa
     assert f"least clearance {least_m:.0f} m" in drawn.heights(found, Preferences())
     assert f"least clearance {least_m / 0.3048:.0f} ft" in drawn.heights(found, Preferences(height="ft"))
     assert drawn.heights([], Preferences()) == ""
+
+
+def test_commands_in_the_reasons_are_marked_up_and_what_is_said_is_escaped():
+    found = {"reasons": [], "rests_on": [], "bound": "", "not_counted": [],
+             "between_sites": ["No site measures the wind near <b>: 90 % keep the reserve;", "`skyway fly` turns back"]}  # fmt: skip
+    told = "<p>No site measures the wind near &lt;b&gt;: 90 % keep the reserve; <code>skyway fly</code> turns back</p>"
+    assert explained(found, Preferences()) == told

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from datetime import UTC, datetime, tzinfo
 from enum import StrEnum
 from typing import TYPE_CHECKING
 
-from skyway.models.base.formatting import utc_clock
+from skyway.models.base.formatting import zone_clock
 
 if TYPE_CHECKING:
     from skyway.link.supervisor.proof.weighing import Weight
@@ -64,21 +65,21 @@ class Evidence:
         return self.acknowledged is not None or bool(self.how)
 
 
-def judge(e: Evidence) -> tuple[Verdict, str]:
-    """Return the verdict, and its reason.
+def judge(e: Evidence, zone: tzinfo = UTC) -> tuple[Verdict, str]:
+    """Return the verdict, and its reason, with times of a zone.
 
     A weighing overrides reports: grippers acknowledge without opening. A package that
     was lost on the way was not delivered, whatever the gripper reports.
     """
     if e.lost and e.lost_s is not None:
-        at = f"at {utc_clock(e.lost_s)} UTC"
+        at = f"at {_clock(e.lost_s, zone)}"
         return (
             Verdict.NOT_DELIVERED,
             f"the package was lost on the way: the power fell suddenly in steady flight, {at}",
         )
     if e.lost and e.before is not None:
         figure = _weighed_text(e.before, e.package_kg)
-        since = "" if e.before.since_s is None else f", since about {utc_clock(e.before.since_s)} UTC"
+        since = "" if e.before.since_s is None else f", since about {_clock(e.before.since_s, zone)}"
         why = f"the package was lost on the way: {figure} on board by the power before the release{since}"
         return Verdict.NOT_DELIVERED, why
     said = e.how or ("a person took it off" if e.by_person else "the release was acknowledged")
@@ -101,6 +102,10 @@ def judge(e: Evidence) -> tuple[Verdict, str]:
             f"{said}, but the package is{part} still on board: {figure} by the power after take-off",
         )
     return Verdict.DELIVERED, f"{said}, and the drone is lighter: {figure} on board by the power after take-off"
+
+
+def _clock(at_s: float, zone: tzinfo) -> str:
+    return zone_clock(datetime.fromtimestamp(at_s, zone), zone)
 
 
 def _weighed_text(weight: Weight, package_kg: float) -> str:

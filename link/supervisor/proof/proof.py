@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from datetime import UTC, tzinfo
 from typing import TYPE_CHECKING
 
 from skyway.link.supervisor.journal.entries import Proved
@@ -25,6 +26,8 @@ class Proof:
     """The evidence of one delivery; written only by its own methods."""
 
     evidence: Evidence = field(default_factory=Evidence)
+    zone: tzinfo = UTC
+    """Of the times in the reasons."""
     _scale: Scale | None = None
     _gains: list[float] = field(default_factory=list)
     _down: bool = True
@@ -38,7 +41,7 @@ class Proof:
     @property
     def verdict(self) -> tuple[Verdict, str]:
         """Return whether the package was delivered, as far as is known, and the evidence."""
-        return judge(self.evidence)
+        return judge(self.evidence, self.zone)
 
     @property
     def lost(self) -> bool:
@@ -123,7 +126,7 @@ class Proof:
     def _take(self, ctx: Context, evidence: Evidence) -> None:
         before = judge(self.evidence)[0] if self.evidence.tried or self.lost else None
         self.evidence = evidence
-        verdict, reason = judge(evidence)
+        verdict, reason = judge(evidence, self.zone)
         b, w = evidence.before, evidence.weight
         entry = Proved(
             verdict=str(verdict), acknowledged=evidence.acknowledged, by_person=evidence.by_person or None,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from typing import TYPE_CHECKING, Any
 
 from skyway.models.base.formatting import distance_text, energy_text, watt_hours
@@ -14,6 +15,7 @@ if TYPE_CHECKING:
 
     from skyway.web.preferences import Preferences
 
+_COMMAND, _CODE = re.compile(r"`([^`]+)`"), r"<code>\1</code>"
 LEGEND = (
     '<ul class="legend"><li><i class="fly"></i>fly</li><li><i class="wait"></i>wait for a pad</li><li><i class="charge"></i>charge</li>'
     '<li><i class="hold"></i>hold for wind or room</li></ul>'
@@ -92,7 +94,7 @@ def beside(plans: Sequence[dict[str, Any]], chosen: int, without: Sequence[dict[
         "<th class='n'>Wh on average</th></tr>"
     )
     missing = "".join(f"<p class='faint'>{safe(one['planner'])}: {safe(one['why'])}</p>" for one in without)
-    return f"<h2>Side by side</h2><div class='scroll'><table><thead>{head}</thead><tbody>{''.join(rows)}</tbody></table></div>{missing}"
+    return f"<h2>Side by side</h2><div class='scroll'><table class='wordy'><thead>{head}</thead><tbody>{''.join(rows)}</tbody></table></div>{missing}"
 
 
 def explained(found: dict[str, Any], wanted: Preferences) -> str:
@@ -112,13 +114,14 @@ def explained(found: dict[str, Any], wanted: Preferences) -> str:
         ]
         head = "<tr><th>the promise rests on</th><th>uncertain by</th><th>data</th><th class='n'>half of it gains</th><th>what would help</th></tr>"
         parts.append(
-            f"<h2>What would change it</h2><div class='scroll'><table><thead>{head}</thead><tbody>{''.join(rows)}</tbody></table></div>"
+            f"<h2>What would change it</h2><div class='scroll'><table class='wordy'><thead>{head}</thead><tbody>{''.join(rows)}</tbody></table></div>"
         )
     if found["bound"]:
         parts.append(
             f"<p class='faint'>With a perfect forecast no plan takes less than {safe(found['bound'])} on average.</p>"
         )
-    parts += [f"<p>{safe(wanted.in_words(one))}</p>" for one in found["between_sites"]]
+    if found["between_sites"]:
+        parts.append(f"<p>{_COMMAND.sub(_CODE, safe(wanted.in_words(' '.join(found['between_sites']))))}</p>")
     if found["not_counted"]:
         parts.append(f"<p class='faint'>Not counted: {safe(wanted.in_words('; '.join(found['not_counted'])))}.</p>")
     return "".join(parts)

@@ -2,6 +2,7 @@
 
 import dataclasses
 import math
+import re
 from functools import cache
 from types import SimpleNamespace
 
@@ -299,3 +300,6 @@ def test_a_delivery_tells_what_became_of_the_package(fault, state, verdict, exit
     assert next(r.entry(Proved).gain_w for r in records if r.event == "proof") is not None
     document = flight_report(records)
     assert (document.outcome.proof, document.outcome.proof_reason) == (verdict, outcome.proof_reason)
+    assert not fault or re.search(r" at \d\d:\d\d:\d\d EDT$", outcome.proof_reason), (
+        "the time was in UTC, as no other of the flight"
+    )
