@@ -13,6 +13,7 @@ from types import SimpleNamespace
 import pytest
 
 from skyway.cli.main import main
+from skyway.link.supervisor.journal.file import SCHEMA
 from skyway.missions import Frame, Mission, MissionDocument, MissionItem, read, write
 from skyway.missions.items.commands import Command
 from skyway.models.base.errors import InputError, SkywayError
@@ -207,6 +208,18 @@ def test_a_replay_says_why_it_has_no_wind(tmp_path):
     path.write_text("time_s,vel_north_mps,vel_east_mps,roll_rad\n" + "".join(f"{n},5,0,0.1\n" for n in range(60)))
     (why,) = (one for one in played(str(path))["notes"] if one.startswith("wind: "))
     assert why.startswith("wind: not measured: the kind of vehicle is unknown")
+
+
+def test_a_damaged_journal_is_named_and_other_files_are_not(tmp_path):
+    (tmp_path / "notes.jsonl").write_text('{"a": 1}\n{"b"\n')
+    (tmp_path / "empty.jsonl").write_text("")
+    start = json.dumps(
+        {"n": 1, "time": "2013-07-10T18:00:00Z", "event": "start", "state": "connecting", "data": {"schema": SCHEMA}}
+    )
+    (tmp_path / "damaged.jsonl").write_text(f"{start}\n\x00\n{start}\n")
+    found = told(str(tmp_path), [(name, 0.0) for name in ("notes.jsonl", "empty.jsonl", "damaged.jsonl")])
+    assert [one["file"] for one in found] == ["damaged.jsonl"]
+    assert "damaged.jsonl:2: not a record of a journal" in found[0]["unread"]
 
 
 def test_a_file_that_nobody_foresaw_is_told_and_takes_no_process_with_it(monkeypatch, capsys):

@@ -38,6 +38,7 @@ class HistoryPage:
     def __init__(self, site: Site, client: Client, wanted: Preferences) -> None:
         self.site, self.wanted = site, wanted
         self.rows: list[dict[str, Any]] = []
+        self.unread: list[dict[str, Any]] = []
         self.reports: list[dict[str, Any]] = []
         self.sought = ""
         self.timezone = "UTC"
@@ -60,21 +61,23 @@ class HistoryPage:
         names = [(one.name, one.modified_s) for one in self.site.folder.files(".jsonl")]
         pages = [one.name for one in self.site.folder.files(*REPORTS)]
         root = str(self.site.folder.root.resolve())
-        self.rows, tell = [], self.at_work.status.tell
+        self.rows, self.unread, tell = [], [], self.at_work.status.tell
         tell("Reading …")
         try:
             self.timezone = (await self.site.region())["timezone"]
             self.reports = await self.site.workers.ask("history.reports", root, pages)
             for first in range(0, len(names), AT_ONCE):
                 self.at_work.tell(f"Reading {first} of {len(names)} …")
-                self.rows += await self.site.workers.ask("history.told", root, names[first : first + AT_ONCE])
+                found = await self.site.workers.ask("history.told", root, names[first : first + AT_ONCE])
+                self.rows += [row for row in found if "unread" not in row]
+                self.unread += [row for row in found if "unread" in row]
                 self._draw()
         except SkywayError as error:
             tell(str(error), wrong=True)
             return
         tell(
             ""
-            if self.rows
+            if self.rows or self.unread
             else "No journals in the work folder yet: flights of the page Fly write them, and skyway fly and skyway demo.",
         )
         self._draw()
@@ -87,7 +90,7 @@ class HistoryPage:
     def _draw(self) -> None:
         found = _with(self.rows, self.sought)
         self.totals.set_content(_totals(found, self.wanted))
-        self.table.set_content(self._table(found))
+        self.table.set_content(self._table(found) + _unread(_with(self.unread, self.sought)))
         self.kept.set_content(_reports(_with(self.reports, self.sought)))
 
     def _table(self, found: list[dict[str, Any]]) -> str:
@@ -102,7 +105,8 @@ class HistoryPage:
             low = row["lowest_soc"]
             below = low is not None and row["reserve_soc"] is not None and low < row["reserve_soc"]
             reserve = f"<span class='{'warn' if below else ''}'>{percent(low)}{' (below the reserve)' if below else ''}</span>"
-            state = f"<span class='good'>{_end(row)}</span>" if row["arrived"] else safe(row["state"])
+            told = row["state"] if row["ended"] else f"not ended: {row['state']}"
+            state = f"<span class='good'>{_end(row)}</span>" if row["arrived"] else safe(told)
             link = f'<a href="/replay?log={quote(row["file"])}">{safe(row["file"])}</a>'
             kept_as = f'<a href="/api/report?journal={quote(row["file"])}" download>report<span class="only-heard"> of {safe(row["file"])}</span></a>'
             rows.append(
@@ -125,6 +129,12 @@ def _with(rows: list[dict[str, Any]], sought: str) -> list[dict[str, Any]]:
     """Return the rows that contain all words."""
     words = sought.casefold().split()
     return [row for row in rows if all(word in " ".join(map(str, row.values())).casefold() for word in words)]
+
+
+def _unread(found: list[dict[str, Any]]) -> str:
+    """Journals that cannot be read, and why."""
+    lines = "".join(f"<li class='warn'>{safe(one['unread'])}</li>" for one in found)
+    return f"<h2>Damaged journals, not counted</h2><ul class='notes small-notes'>{lines}</ul>" if found else ""
 
 
 def _reports(found: list[dict[str, Any]]) -> str:

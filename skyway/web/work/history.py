@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from skyway.report.flight_report import FlightReport
 
 HEAD = 4096
-"""Bytes of a page with its generator and its title."""
+"""Bytes of a page with its generator and its title, and of a journal with its schema."""
 _WRITTEN = '<meta name="generator" content="skyway report">'
 _TITLE = re.compile(r"<title>([^<]*)</title>")
 GAP_S = 60.0
@@ -26,7 +26,10 @@ GAP_S = 60.0
 
 
 def told(root: str, names: list[tuple[str, float]]) -> list[dict[str, Any]]:
-    """Return a row for each journal: names within the folder and when each was changed; other files are omitted."""
+    """Return a row for each journal: names within the folder and when each was changed; other files are omitted.
+
+    The row of a journal that cannot be read has only its name and the reason, `unread`.
+    """
     return [row for name, changed_s in names if (row := _row(root, name, changed_s)) is not None]
 
 
@@ -36,8 +39,8 @@ def _row(root: str, name: str, changed_s: float) -> dict[str, Any] | None:  # no
 
     try:
         report = flight(Path(root) / name)
-    except SkywayError:
-        return None
+    except SkywayError as error:
+        return {"file": name, "unread": str(error)} if _begins_as_journal(Path(root) / name) else None
     wanted, totals = report.delivery, report.totals
     flown_m, measured_m, energy_j = flown(report.series.track)
     arrived_s = (
@@ -56,6 +59,17 @@ def _row(root: str, name: str, changed_s: float) -> dict[str, Any] | None:  # no
         "promise_kept": _kept("arrive_p95_s", arrived_s, report),
         "decisions": len(report.decisions), "resumed": report.outcome.resumed,
     }  # fmt: skip
+
+
+def _begins_as_journal(path: Path) -> bool:
+    """Whether a file was a journal before it was damaged."""
+    from skyway.link.supervisor.journal.file import SCHEMA
+
+    try:
+        with path.open("rb") as file:
+            return SCHEMA.encode() in file.read(HEAD)
+    except OSError:
+        return False
 
 
 def reports(root: str, names: list[str]) -> list[dict[str, str]]:
