@@ -1,4 +1,4 @@
-"""The demonstration on the page: a simulated drone flies a real plan ten times faster than real time, in separate processes."""
+"""The demonstration on the page: a simulated drone flies a real plan faster than real time, in separate processes."""
 
 from __future__ import annotations
 

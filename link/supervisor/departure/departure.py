@@ -222,7 +222,9 @@ def ready(ctx: Context) -> After:
             )
         ctx.conversation.allow()
         if ctx.battery.soc < before - 0.03:
-            return State.REPLANNING, "the charge fell while waiting for the answer: deciding again"
+            fell = f"the charge fell from {percent(before)} to {percent(ctx.battery.soc)} while waiting for the answer"
+            ctx.tell(f"{fell}: the leg is decided and checked again before the take-off")
+            return State.REPLANNING, f"{fell}: deciding again"
     if ctx.conversation.stays:
         return State.STOPPED, f"stopped at {ctx.delivery.station} as ordered: the drone stands disarmed"
     try:

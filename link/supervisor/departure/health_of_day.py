@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
+from zoneinfo import ZoneInfo
 
 from skyway.link.vehicle.health import look_again, look_at
 from skyway.models.base.formatting import date_clock
@@ -29,9 +30,10 @@ def health_of_day(ctx: Context) -> tuple[Verdict, str] | None:
         if verdict != "ok":
             return verdict, said
         unknown = [one.name for one in passed.items if one.verdict == "unknown"]
+        zone = ZoneInfo(ctx.job.scenario.timezone)
         return (
             "ok",
-            f"checked at {date_clock(parse_instant(passed.time), named=True)}; now: {said}{_not_known(unknown)}",
+            f"checked at {date_clock(parse_instant(passed.time), zone, named=True)}; now: {said}{_not_known(unknown)}",
         )
     items = tuple(look_at(ctx.vehicle, book.last_flight(uid)))
     book.add(uid, ctx.now_s, items)

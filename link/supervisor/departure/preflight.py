@@ -18,6 +18,7 @@ from skyway.models.base import geodesy
 from skyway.models.base.errors import InputError, LinkError, VehicleTimeoutError
 from skyway.models.base.formatting import distance_text, height_text, percent, probability, speed_text
 from skyway.models.base.units import from_posix, iso
+from skyway.models.base.views import counted
 from skyway.models.flight.weather_closures import weather_closures
 from skyway.planner.robust.free_capacity import no_place_probability
 
@@ -288,7 +289,8 @@ def _mission(ctx: Context, leg: LegMission) -> Check:
         closed = all(finding.code == "no-fly-zone" for finding in errors)  # a zone may end
         return Check("mission", "no", f"item {first.item}: {first.message}", waits=closed)
     fence, rally = len(leg.document.fence.areas), len(leg.document.rally)
-    return Check("mission", "ok", f"{len(leg.document.mission)} items, {fence} fence area, {rally} rally points")
+    parts = ((len(leg.document.mission), "item"), (fence, "fence area"), (rally, "rally point"))
+    return Check("mission", "ok", ", ".join(counted(number, noun) for number, noun in parts))
 
 
 def _diverts(ctx: Context, service: DroneService) -> Check:

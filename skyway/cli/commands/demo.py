@@ -83,7 +83,11 @@ def serve(
         ),
     ] = Path(),
     show_demo: Annotated[
-        bool, typer.Option("--demo", help="Fly a simulated delivery, ten times faster than real time, and show it.")
+        bool,
+        typer.Option(
+            "--demo",
+            help="Fly a simulated delivery, ten times faster than real time (sixty times on the ground), and show it.",
+        ),
     ] = False,
     forecast: Annotated[list[Path] | None, typer.Option(help=FORECAST_HELP)] = None,
     forecast_error: Annotated[Path | None, typer.Option(help=ERROR_HELP)] = None,

@@ -82,7 +82,9 @@ class FlyPage:
     def _demonstration(self) -> None:
         text("h2", "Demonstration")
         text(
-            "p", "A delivery across a simulated New York, ten times faster than real time. No drone is needed.", "faint"
+            "p",
+            "A delivery across a simulated New York, ten times faster than real time, and sixty times on the ground. No drone is needed.",
+            "faint",
         )
         with ui.element("div").classes("line"):
             Button("Fly the demonstration", self.demonstrate, "" if self.site.flights.known() else "main")

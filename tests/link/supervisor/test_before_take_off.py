@@ -96,6 +96,23 @@ def test_no_leaves_every_parameter_as_it_was(autopilot, tmp_path):
     assert not events(stage, "parameter")
 
 
+def test_a_question_that_comes_again_after_a_late_yes_is_explained(tmp_path):
+    stage = Stage(Story(still=True, **SHORT), tmp_path)
+    asked = itertools.count()
+    stage.operator = Scripted(lambda _q, _n: (2.0 if next(asked) else 3600.0, "yes"), stage.lockstep.clock.now_s)
+    assert stage.fly().delivered
+    lines = stage.operator.lines
+    first, again = (n for n, line in enumerate(lines) if "yes or no?" in line)
+    (why,) = (
+        n for n, line in enumerate(lines) if re.search(r"the charge fell from \d+ % to \d+ % while waiting", line)
+    )
+    assert first < why < again
+    said = {one.data["said"] for one in events(stage, "check") if one.data["name"] == "mission"}
+    assert said
+    assert all(re.fullmatch(r"\d+ items, 1 fence area, (1 rally point|\d+ rally points)", one) for one in said)
+    assert not any("1 rally points" in one for one in said)
+
+
 def test_what_was_set_is_put_back_by_a_resume_after_a_crash(tmp_path):
     stage = Stage(Story(**SHORT), tmp_path)
     before = held(stage)
