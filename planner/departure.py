@@ -8,6 +8,7 @@ from datetime import timedelta
 from typing import TYPE_CHECKING
 
 from skyway.models.base.errors import Fault, InfeasibleError, InputError, NoRouteError
+from skyway.models.base.formatting import duration
 from skyway.planner.parameters.planner import USUAL
 from skyway.planner.plan import plan
 from skyway.planner.problem.problem import HORIZON_H
@@ -65,7 +66,7 @@ def plan_within(
     schedule = parameters.schedule
     if not schedule.min_window_s <= window_s <= 86_400.0:
         remedy = "from 1 min to 24 h, such as 2h"
-        raise InputError(Fault("out of range", field="depart-window", value=f"{window_s:g} s", remedy=remedy))
+        raise InputError(Fault("out of range", field="depart-window", value=duration(window_s), remedy=remedy))
     if request.state.position is not None:
         raise InputError(Fault("a drone in the air cannot wait for its departure", field="depart-window"))
     step, most = schedule.departure_step_s, max(schedule.max_departures, 2)

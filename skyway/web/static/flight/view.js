@@ -91,7 +91,7 @@ function figures(view) {
     ["at the landing", percent(expected.soc_land), known(expected.soc_land) ? `planned ${percent(expected.planned_soc_land)}` : ""],
     ["below the reserve", known(expected.p_below_reserve) ? probability(expected.p_below_reserve) : "unknown", ""],
     ["lands in", duration(expected.left_s), known(expected.late_s) ? `${duration(expected.late_s, true)} against the plan` : ""],
-    ["ground speed", figure(vehicle.ground_speed_mps, view.speedFactor, view.speedUnit, 1), known(expected.commanded_mps) ? `told ${figure(expected.commanded_mps, view.speedFactor, view.speedUnit, 1)}` : ""],
+    ["ground speed", figure(vehicle.ground_speed_mps, view.speedFactor, view.speedUnit, 1), known(expected.commanded_mps) ? `commanded ${figure(expected.commanded_mps, view.speedFactor, view.speedUnit, 1)}` : ""],
     ["height", figure(vehicle.height_m, view.heightFactor, view.heightUnit), "above home"],
     ["wind measured", wind(live.wind.measured, view), `forecast ${wind(live.wind.expected, view)}`],
     ["off the route", figure(expected.cross_track_m, view.heightFactor, view.heightUnit), ""],
