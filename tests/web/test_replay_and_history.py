@@ -70,6 +70,13 @@ def test_two_logs_are_played_forwards_and_backwards_and_from_event_to_event(flow
         tab.locator(".events button").last.click()
         last = tab.evaluate("window.skywayPlayer.events.at(-1).time_s")
         assert tab.evaluate(AT) == pytest.approx(min(last, tab.evaluate("window.skywayPlayer.end")))
+        shown = "all => all.map((one) => [one.matches('.now'), one.querySelector('button').tabIndex])"
+        rows = tab.locator(".events li").evaluate_all(shown)
+        times = tab.evaluate("window.skywayPlayer.events.map((one) => one.time_s)")
+        at = tab.evaluate(AT)
+        assert [now for now, _ in rows] == [at - 1 < one <= at + 1 for one in times]
+        assert [stop for _, stop in rows].count(0) == 1
+        assert rows[max(n for n, one in enumerate(times) if one <= at + 0.05)][1] == 0
         assert {one[:5] for one in tab.locator(".events li").all_inner_texts() for one in [one.split(" ", 1)[1]]} == {
             "log 1",
             "log 2",

@@ -22,6 +22,35 @@ function together(log, logs) {
   };
 }
 
+function counter(seconds) {
+  const whole = Math.max(0, Math.round(seconds));
+  return `${Math.floor(whole / 3600)}:${String(Math.floor(whole / 60) % 60).padStart(2, "0")}:${String(whole % 60).padStart(2, "0")}`;
+}
+
+// A component of its own: a log has thousands of events, and they are drawn anew only when another one is under way, not in each frame.
+const EventList = {
+  props: { events: Array, here: Number, from: Number, before: Number, view: Object },
+  emits: ["go"],
+  render() {
+    const row = (one, i) =>
+      h("li", { class: i >= this.from && i < this.before ? "now" : "" }, [
+        h("button", { type: "button", class: "plain", tabindex: i === this.here ? 0 : -1, onClick: () => this.$emit("go", one.time_s) }, counter(one.time_s)),
+        ` ${inWords(one.text, this.view)}`,
+      ]);
+    return h("ol", { class: "events", "aria-label": "Events", onKeydown: (e) => this.along(e) }, this.events.map(row));
+  },
+  methods: {
+    // Tab leads to one of them, the last that was; arrows lead on.
+    along(e) {
+      const way = { ArrowDown: 1, ArrowUp: -1 }[e.key];
+      if (!way) return;
+      const all = [...e.currentTarget.querySelectorAll("button")];
+      all[all.indexOf(document.activeElement) + way]?.focus();
+      e.preventDefault();
+    },
+  },
+};
+
 export default {
   props: { speedUnit: String, speedFactor: Number, heightUnit: String, heightFactor: Number, utc: Boolean, zone: String, bounds: Array },
   emits: ["failed"],
@@ -31,6 +60,9 @@ export default {
   computed: {
     end() {
       return Math.max(1, ...this.logs.map((log) => log.columns.time_s.at(-1)));
+    },
+    view() {
+      return { speedUnit: this.speedUnit, speedFactor: this.speedFactor, heightUnit: this.heightUnit, heightFactor: this.heightFactor };
     },
     // The zone of time is that of the region; a log from elsewhere is in UTC.
     clockOf() {
@@ -72,7 +104,7 @@ export default {
       h("div", { class: "nows" }, this.logs.map((log, i) => this.now(log, i))),
       ...this.logs.filter((log) => log.notes.length).map((log) => this.notes(log)),
       h("div", { class: "traces" }, this.traces()),
-      h("ol", { class: "events", "aria-label": "Events", onKeydown: (e) => this.along(e) }, this.eventRows()),
+      h(EventList, { events: this.events, ...this.nowOfEvents(), view: this.view, onGo: this.jump }),
     ]);
   },
   mounted() {
@@ -171,8 +203,7 @@ export default {
     },
     clock(seconds) {
       const log = this.logs[0];
-      const whole = Math.max(0, Math.round(seconds));
-      const relative = `${Math.floor(whole / 3600)}:${String(Math.floor(whole / 60) % 60).padStart(2, "0")}:${String(whole % 60).padStart(2, "0")}`;
+      const relative = counter(seconds);
       if (!log || log.begin_s === null) return relative;
       const zone = this.clockOf.utc ? "UTC" : this.zone;
       const day = new Date(1000 * (log.begin_s + seconds));
@@ -208,22 +239,13 @@ export default {
       this.drawn ||= ["height_m", "soc", "ground_speed_mps", "wind"].map((name) => lines(this.logs, name, this.end, this));
       return this.drawn.map((one) => marks(one, this.at / this.end, (share) => this.jump(share * this.end)));
     },
-    // Tab leads to one of them, the last that was; arrows lead on: a log has hundreds.
-    along(e) {
-      const way = { ArrowDown: 1, ArrowUp: -1 }[e.key];
-      if (!way) return;
-      const all = [...e.currentTarget.querySelectorAll("button")];
-      all[all.indexOf(document.activeElement) + way]?.focus();
-      e.preventDefault();
-    },
-    eventRows() {
-      const here = Math.max(0, this.events.findLastIndex((one) => one.time_s <= this.at + 0.05));
-      return this.events.map((one, i) =>
-        h("li", { class: Math.abs(one.time_s - this.at) < 1 ? "now" : "" }, [
-          h("button", { type: "button", class: "plain", tabindex: i === here ? 0 : -1, onClick: () => this.jump(one.time_s) }, this.clock(one.time_s).split(" ")[0]),
-          ` ${inWords(one.text, this)}`,
-        ]),
-      );
+    // The last event that was, and those of this second: from one, before another.
+    nowOfEvents() {
+      const first = (late) => {
+        const found = this.events.findIndex((one) => one.time_s > late);
+        return found < 0 ? this.events.length : found;
+      };
+      return { here: Math.max(0, first(this.at + 0.05) - 1), from: first(this.at - 1), before: first(this.at + 1) };
     },
   },
 };
