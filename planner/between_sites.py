@@ -21,7 +21,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from statistics import NormalDist
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -108,17 +108,12 @@ def slower_sd_s(
 
     Also where that is worst known: the standard deviation of a component there on average wind of these flights, m/s, and the nearer end of the segment.
     """
-    air, wind, network = problem.air, problem.ensemble, problem.network
+    air, network = problem.air, problem.network
     slot = np.clip(((take_off_s - air.start_s) // air.slot_s).astype(np.int64), 0, air.north.shape[1] - 1)
-    pieces = [(one, part) for one in segments for part in _parts(float(air.distance_m[one]))]
-    of = np.array([one for one, _ in pieces])
-    share = np.array([part for _, (part, _) in pieces])
-    length_m = np.array([length for _, (_, length) in pieces])
-    tail, head = network.tail[of], network.head[of]
-    lat, lon = (values[tail] + share * (values[head] - values[tail]) for values in (network.lat, network.lon))
+    pieces = pieces_of(problem, segments)
+    of, length_m = pieces.of, pieces.length_m
     north, east = (np.einsum("rs,ns->rn", part[member, slot], air.weight[of]) for part in (air.north, air.east))
-    field = problem.scenario.field_error
-    calm = field.covariance(lat, lon, wind.weights(lat, lon), wind.site_lat, wind.site_lon)
+    field, calm = problem.scenario.field_error, pieces.covariance
     variance = np.maximum(np.diagonal(calm), 0.0)
     sd_mps = np.sqrt(variance * field.in_wind(np.hypot(north, east)))
     along = along_across(north, east, air.cos_bearing[of], air.sin_bearing[of])
@@ -127,8 +122,33 @@ def slower_sd_s(
     square = np.einsum("ri,ij,rj->r", costs_s, calm / np.outer(scale, scale), costs_s)
     usual = sd_mps.mean(axis=0) if len(sd_mps) else np.zeros(len(of))
     worst = int(usual.argmax())
-    near = head[worst] if share[worst] > 0.5 else tail[worst]
+    near = network.head[of[worst]] if pieces.share[worst] > 0.5 else network.tail[of[worst]]
     return np.sqrt(np.maximum(square, 0.0)), (float(usual[worst]), network.stations[int(near)].id)
+
+
+class Pieces(NamedTuple):
+    """Pieces of a way over segments, shape (n,) each."""
+
+    of: NDArray[np.int64]
+    """Segment of each."""
+    share: NDArray[np.float64]
+    """Its middle, as a share of the segment."""
+    length_m: NDArray[np.float64]
+    covariance: NDArray[np.float64]
+    """Shape (n, n): of the errors of the interpolated wind, in calm air, m2/s2 (`models.wind.field_error`)."""
+
+
+def pieces_of(problem: Problem, segments: Sequence[int]) -> Pieces:
+    """Cut a way over segments into pieces of about `PIECE_M`."""
+    wind, network, field = problem.ensemble, problem.network, problem.scenario.field_error
+    parts = [(one, part) for one in segments for part in _parts(float(problem.air.distance_m[one]))]
+    of = np.array([one for one, _ in parts])
+    share = np.array([part for _, (part, _) in parts])
+    length_m = np.array([length for _, (_, length) in parts])
+    tail, head = network.tail[of], network.head[of]
+    lat, lon = (values[tail] + share * (values[head] - values[tail]) for values in (network.lat, network.lon))
+    calm = field.covariance(lat, lon, wind.weights(lat, lon), wind.site_lat, wind.site_lon)
+    return Pieces(of, share, length_m, calm)
 
 
 def _parts(length_m: float) -> list[tuple[float, float]]:

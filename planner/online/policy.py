@@ -194,11 +194,7 @@ class OnlinePolicy:
                 gated = gate.charged(step)
             full = float(p.curve(p.origin)[1][-1]) if p.has_pads(p.origin) else info.soc
             if gated.soc is not None and gated.soc <= max(full, info.soc) + 1e-9:
-                decision = self._leaving(info, seen, step, gated, gated.soc, tell=tell)
-                if info.watched:
-                    p_turned = gate.p_turned(replace(step, charge=max(info.soc, decision.charge_to or 0.0)))
-                    decision = replace(decision, figures={**decision.figures, "p_turned": p_turned})
-                return decision
+                return self._leaving(info, seen, step, gated, gated.soc, turning=turning, tell=tell)
             later = gate.later(step) if gated.soc is None else Later(None, may_open=False)
             if gated.soc is not None:
                 why = f"the leg needs {percent(gated.soc)}, and there is no pad here"
@@ -256,7 +252,9 @@ class OnlinePolicy:
             "charge", reason + more, figures, plan, service.destination, charge_to=wanted, diverts=gated.diverts
         )
 
-    def _told(self, info: Information, seen: Hindsight, step: Step, charge_to: float | None) -> Composition | None:
+    def _told(
+        self, info: Information, seen: Hindsight, step: Step, charge_to: float | None, p_turned: float
+    ) -> Composition | None:
         """Return the plan that begins with a step: later legs leave with what the gate will most probably ask for."""
         relative = info.belief.times(1.0 / info.belief.mean_ratio)
         errors = replace(self.errors.in_forecast(info.forecast, info.time_s), energy=relative)
@@ -268,10 +266,18 @@ class OnlinePolicy:
             return later.charge(Step(leg.segments, max(soc, leg.charge_to or 0.0), sure, last), landed_s, soc, member)
 
         first = Step(step.segments, info.soc if charge_to is None else charge_to)
-        return told_plan(seen, first, charge_to, errors, required)
+        return told_plan(seen, first, charge_to, errors, required, p_turned)
 
     def _leaving(
-        self, info: Information, seen: Hindsight, step: Step, gated: Gated, least: float, *, tell: bool
+        self,
+        info: Information,
+        seen: Hindsight,
+        step: Step,
+        gated: Gated,
+        least: float,
+        *,
+        turning: DepartureGate | None,
+        tell: bool,
     ) -> Decision:
         """Leave as a step says, with the charge that the gate asks for."""
         p, parameters = seen.problem, self.parameters
@@ -300,6 +306,10 @@ class OnlinePolicy:
             "turns_back": step.turn_back is not None,
         }
         wanted = charge if charge > info.soc + 0.5 * parameters.charge_step else None
+        p_turned = 0.0
+        if turning is not None:
+            p_turned = turning.p_turned(replace(step, charge=max(info.soc, wanted or 0.0)))
+            figures["p_turned"] = p_turned
         station = names[-1]
         if wanted is None and gated.held:
             until_s = min(seen.new_wind_s, info.time_s + 2.0 * parameters.look_s)
@@ -309,7 +319,7 @@ class OnlinePolicy:
             )  # fmt: skip
         planned = None if info.plan is None or not info.plan.services else info.plan.services[0]
         same = planned is not None and (planned.destination, *planned.via) == (names[-1], *names[1:-1])
-        plan = self._told(info, seen, step, wanted) if tell else None
+        plan = self._told(info, seen, step, wanted, p_turned) if tell else None
         arrival_s = step.arrival_s if plan is None or plan.arrival.mean is None else plan.arrival.mean.timestamp()
         reason = f"next {station}, {duration(arrival_s - info.time_s)} to the delivery on average"
         reason += ", as planned" if same else ": arrives earliest with current information"

@@ -12,6 +12,7 @@ import numpy as np
 from skyway.models.base.errors import AuditError, InfeasibleError
 from skyway.models.base.statistics import weighted_quantile
 from skyway.models.flight.kernels import slot_of
+from skyway.planner.online.untold_wind import with_untold_wind
 from skyway.planner.robust.out_of_sample import simulate_fixed
 from skyway.planner.schedule.composing import compose
 from skyway.planner.schedule.itinerary import Leg, fly_expected, fly_sampled, stop_nodes, typical_member
@@ -36,6 +37,9 @@ if TYPE_CHECKING:
 Required = Callable[[Leg, float, float, int | None], float | None]
 """Charge without which a leg is not begun, by the landing before it, POSIX seconds, the charge then, and the member whose wind is measured there (None: the
 expected one). None: no charge opens it."""
+
+_TURNED = 0x54
+"""Of the deviates that say in which deliveries the first leg is turned."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -106,12 +110,13 @@ def needed_charges(problem: Problem, itinerary: Itinerary, epsilon: float) -> li
 
 
 def told_plan(
-    seen: Hindsight, step: Step, charge_to: float | None, errors: Errors, required: Required
+    seen: Hindsight, step: Step, charge_to: float | None, errors: Errors, required: Required, p_turned: float = 0.0
 ) -> Composition | None:
     """Compose a plan that begins with a step; None where no wind of the forecast lets it be flown as a whole.
 
-    Its figures are those of simulated deliveries with gusts, queues, the energy of `errors`, relative to the problem's, and the time of manoeuvres. The
-    step, chosen by `seen`, leaves with `charge_to`; None: it does not charge. Charges of later legs may be too low in the share `epsilon_later` of the
+    Its figures are those of simulated deliveries with gusts, wind that is not told (`untold_wind`), queues, the energy of `errors`, relative to the
+    problem's, and the time of manoeuvres. The step, chosen by `seen`, leaves with `charge_to`; None: it does not charge. Its leg is turned with a
+    probability, and begun again then. Charges of later legs may be too low in the share `epsilon_later` of the
     forecast, but are at least what is `required` in the expected wind, in simulated deliveries in winds like theirs; legs that are closed for it are
     planned around, and `seen` counts on them no more.
     """
@@ -121,8 +126,9 @@ def told_plan(
         try:
             bare, itinerary = _with_later(seen, step, first, required) if whole else ((first,), (first,))
             member, course = typical_member(p, itinerary)
-            flown = outcome(p, *_simulated(p, bare, course, errors, required))
-            result = replace(flown, arrival_s=flown.arrival_s + parameters.manoeuvres_s * len(itinerary))
+            flown = outcome(p, *_simulated(p, bare, course, with_untold_wind(p, bare, course, errors), required))
+            later_s = parameters.manoeuvres_s * len(itinerary) + _turned_s(p, step, p_turned, len(flown.arrival_s))
+            result = replace(flown, arrival_s=flown.arrival_s + later_s)
             return compose(p, itinerary, course, member, result, planner="online", planning_time_s=0.0)
         except (InfeasibleError, AuditError):
             continue
@@ -147,6 +153,16 @@ def _simulated(
         schedules.append(flown.schedule[own])
         weights.append(flown.weight[own])
     return np.concatenate(schedules), np.concatenate(weights)
+
+
+def _turned_s(p: Problem, step: Step, p_turned: float, runs: int) -> NDArray[np.float64]:
+    """By how much later each delivery arrives where its first leg is turned, s: the way there and back, and the charge for it."""
+    spent = p.parameters.online.turned_share * max(step.charge - p.reserve, 0.0)
+    again_s = spent / p.soc_per_s + p.parameters.online.stop_s
+    if p.has_pads(p.origin):
+        again_s += p.charge_time_s(p.origin, step.charge - spent, step.charge)
+    drawn = np.random.default_rng((p.request.seed, _TURNED)).random(runs)
+    return np.where(drawn < p_turned, again_s, 0.0)
 
 
 def _alike(p: Problem, leg: Leg, time_s: float) -> list[tuple[int, NDArray[np.int64]]]:

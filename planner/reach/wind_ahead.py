@@ -12,7 +12,7 @@ from skyway.models.wind.gusts import gust_mean_variance
 from skyway.models.wind.triangle import forward_mps
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
+    from numpy.typing import ArrayLike, NDArray
 
     from skyway.models.scenario.scenario import Scenario
     from skyway.models.wind.field_error import FieldError
@@ -62,8 +62,12 @@ class WindAhead:
         gusts = np.array([gust_mean_variance(self.gust_time_s / max(one, 1.0)) for one in flight_s.tolist()])
         apart = 2.0 * self.field.gamma_of_stretch(begin_m, end_m) * self.field.in_wind(speed_mps)
         usual = HERE_MPS**2 + apart + (self.gust_sd * speed_mps) ** 2 * gusts
-        aged = -math.expm1(-self.age_s / AGED_TIME_S) * (AGED_SHARE * speed_mps) ** 2
-        return np.asarray(np.sqrt(self.roughness * usual + aged))
+        return np.asarray(np.sqrt(self.roughness * usual + aged_variance(self.age_s, speed_mps**2)))
+
+
+def aged_variance(age_s: float, square_mps: ArrayLike) -> NDArray[np.float64]:
+    """Variance of a component by which an updated forecast is off beyond its members, so long after the last measurement; `square_mps`: of the wind's speed, m2/s2."""
+    return np.asarray(-math.expm1(-age_s / AGED_TIME_S) * AGED_SHARE**2 * np.asarray(square_mps))
 
 
 def slower_s(
