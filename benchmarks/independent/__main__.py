@@ -16,9 +16,10 @@ from benchmarks.independent.study import PLANNERS, Study, append_line, digest, f
 from benchmarks.independent.told_arrivals import told_arrivals
 from benchmarks.independent.verdict import told_and_met, verdict
 from benchmarks.independent.worlds import worlds
-from benchmarks.tables.arguments import real, whole
 
 MOST_DAYS = 12
+LEAST = {"requests": 1, "days": 1, "runs": 1, "flown_runs": 0, "seed": 0}
+"""Least numbers on the command line."""
 
 
 def main(argv: list[str] | None = None) -> int:
@@ -26,22 +27,22 @@ def main(argv: list[str] | None = None) -> int:
     parser = argparse.ArgumentParser(prog="python -m benchmarks.independent", description=__doc__)
     parser.add_argument("--city", choices=sorted(planning.CITIES), default="new-york")
     parser.add_argument("--worlds", default="all-of-them", help="names with commas between; default: every one")
-    parser.add_argument("--requests", type=whole(1), default=10)
+    parser.add_argument("--requests", type=int, default=10)
     parser.add_argument("--order", default="", help="instead: one, as bellevue,jacobi,2013-07-10T14:00-04:00,0.8")
-    parser.add_argument("--days", type=whole(1), default=10, help="held-out days of each request")
-    parser.add_argument("--runs", type=whole(1), default=5, help="deliveries a day")
+    parser.add_argument("--days", type=int, default=10, help="held-out days of each request")
+    parser.add_argument("--runs", type=int, default=5, help="deliveries a day")
     parser.add_argument("--planner", choices=sorted(PLANNERS), default="robust")
     parser.add_argument("--now", action="store_true", help="plan each day with what was reported by the departure")
     parser.add_argument(
-        "--flown-runs", type=whole(0), default=0, help="promise what so many deliveries say, simulated as fly decides"
+        "--flown-runs", type=int, default=0, help="promise what so many deliveries say, simulated as fly decides"
     )
     parser.add_argument(
         "--share",
-        type=real(0.0, 1.0),
+        type=float,
         default=1.0,
         help="fly so many of the deliveries whose fixed route stays clear of the reserve, all of the others",
     )
-    parser.add_argument("--seed", type=whole(0), default=18)
+    parser.add_argument("--seed", type=int, default=18)
     parser.add_argument(
         "--out", type=Path, help="JSON lines, one for each request and world; what is there is not flown again"
     )
@@ -56,6 +57,11 @@ def main(argv: list[str] | None = None) -> int:
     options = parser.parse_args(argv)
     if options.merge:
         return _merged(options.merge)
+    for name, least in LEAST.items():
+        if getattr(options, name) < least:
+            parser.error(f"--{name.replace('_', '-')} is {least} or more")
+    if not 0.0 <= options.share <= 1.0:
+        parser.error("--share is from 0 to 1")
     if options.days > MOST_DAYS:
         parser.error(
             f"--days is 1 to {MOST_DAYS}: of more held-out days, two days apart, nothing is left to forecast a season from"
