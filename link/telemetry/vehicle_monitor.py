@@ -139,8 +139,9 @@ class VehicleMonitor:
         posix_s = self.connection.clock.posix_s()
         soc = math.nan
         if name in MESSAGES:
-            self.batteries.hear(message, self.connection.clock.now_s())
-            soc = self.batteries.soc(self.connection.clock.now_s())
+            now_s = self.connection.clock.now_s()
+            self.batteries.hear(message, now_s)
+            soc = self.batteries.soc(now_s)
         sample = self.live.hear(message, posix_s, soc)
         if sample is not None:
             self._new.append(sample)

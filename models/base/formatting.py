@@ -279,11 +279,6 @@ def minute_clock(instant: datetime, zone: tzinfo) -> str:
     return f"{local:%H:%M} {local:%Z}"
 
 
-def utc_clock(at_s: float | None) -> str:
-    """Return the time of day in UTC of POSIX seconds: ``18:03:22``."""
-    return local_clock(at_s, UTC)
-
-
 def local_clock(at_s: float | None, zone: tzinfo) -> str:
     """Return the time of day in a zone of POSIX seconds: ``14:03:22``."""
     return UNKNOWN if at_s is None else f"{datetime.fromtimestamp(at_s, zone):%H:%M:%S}"

@@ -234,6 +234,10 @@ class Following:
                 return self._arrival(future, node, down, soc) + self.parameters.stop_s
         return None
 
+    def turned_soc(self, charge: float) -> float:
+        """Charge that a flight which is turned has used when it is back, of that with which it began."""
+        return self.parameters.turned_share * max(charge - self.problem.reserve, 0.0)
+
     def _back(self, step: Step, future: Future, off: float) -> float:
         """Arrival in a future after a flight that is turned to where it began."""
         p = self.problem
@@ -242,7 +246,7 @@ class Following:
             return p.depart_s + self.parameters.stuck_s
         if down >= NEVER:
             return self._stuck_s
-        spent = self.parameters.turned_share * max(step.charge - p.reserve, 0.0)
+        spent = self.turned_soc(step.charge)
         back_s = off + spent / (future.energy * p.soc_per_s)
         return self._arrival(future, p.origin, back_s, step.charge - spent) + self.parameters.stop_s
 

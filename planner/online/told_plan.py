@@ -127,7 +127,7 @@ def told_plan(
             bare, itinerary = _with_later(seen, step, first, required) if whole else ((first,), (first,))
             member, course = typical_member(p, itinerary)
             flown = outcome(p, *_simulated(p, bare, course, with_untold_wind(p, bare, course, errors), required))
-            later_s = parameters.manoeuvres_s * len(itinerary) + _turned_s(p, step, p_turned, len(flown.arrival_s))
+            later_s = parameters.manoeuvres_s * len(itinerary) + _turned_s(seen, step, p_turned, len(flown.arrival_s))
             result = replace(flown, arrival_s=flown.arrival_s + later_s)
             return compose(p, itinerary, course, member, result, planner="online", planning_time_s=0.0)
         except (InfeasibleError, AuditError):
@@ -155,9 +155,9 @@ def _simulated(
     return np.concatenate(schedules), np.concatenate(weights)
 
 
-def _turned_s(p: Problem, step: Step, p_turned: float, runs: int) -> NDArray[np.float64]:
+def _turned_s(seen: Hindsight, step: Step, p_turned: float, runs: int) -> NDArray[np.float64]:
     """By how much later each delivery arrives where its first leg is turned, s: the way there and back, and the charge for it."""
-    spent = p.parameters.online.turned_share * max(step.charge - p.reserve, 0.0)
+    p, spent = seen.problem, seen.turned_soc(step.charge)
     again_s = spent / p.soc_per_s + p.parameters.online.stop_s
     if p.has_pads(p.origin):
         again_s += p.charge_time_s(p.origin, step.charge - spent, step.charge)

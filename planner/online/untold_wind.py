@@ -54,6 +54,6 @@ def _untold(p: Problem, leg: Leg, off_s: float) -> tuple[float, float]:
     share = pieces.length_m / pieces.length_m.sum()
     weight = share @ p.air.weight[pieces.of]
     speed = np.hypot(p.air.north[:, slot] @ weight, p.air.east[:, slot] @ weight)
-    square = float(p.probability @ speed**2) / float(p.probability.sum())
+    square = float(p.probability @ speed**2)
     apart = float(share @ pieces.covariance @ share) * float(field.in_wind(math.sqrt(square)))
     return max(apart, 0.0) + float(aged_variance(off_s - p.depart_s, square)), square

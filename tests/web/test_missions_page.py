@@ -24,6 +24,14 @@ def mission(path, *, height_m=50.0, corners=24):
     write(MissionDocument(Mission(items=tuple(items))), path)
 
 
+def chosen(tab, name, words, drone):
+    """Choose a file, of which these words are told, and a vehicle for it."""
+    tab.get_by_label("Missions in the work folder").select_option(name)
+    tab.locator(".answer .big").filter(has_text=words).wait_for()
+    tab.get_by_label("Connection").fill(drone)
+    tab.get_by_label("Connection").press("Tab")
+
+
 def told(tab, words):
     tab.locator(".form .status").filter(has_text=words).wait_for()
 
@@ -32,10 +40,7 @@ def test_a_mission_is_compared_uploaded_read_back_and_compared_again(page):
     mission(page.folder / "patrol.plan")
     mission(page.folder / "higher.plan", height_m=65.0)
     with chromium() as browser, simulated("jersey-city") as vehicle, person(browser, page.address, "/missions") as tab:
-        tab.get_by_label("Missions in the work folder").select_option("patrol.plan")
-        tab.locator(".answer .big").filter(has_text="patrol.plan").wait_for()
-        tab.get_by_label("Connection").fill(vehicle.drone)
-        tab.get_by_label("Connection").press("Tab")
+        chosen(tab, "patrol.plan", "patrol.plan", vehicle.drone)
         tab.get_by_role("button", name="Compare with the vehicle").click()
         told(tab, "they differ")
         tab.get_by_role("button", name="Upload and read back").click()
@@ -66,10 +71,7 @@ def test_a_mission_with_errors_is_uploaded_only_if_that_is_chosen_and_each_uploa
     mission(page.folder / "low.plan", height_m=-5.0, corners=3)
     mission(page.folder / "fine.plan", corners=3)
     with chromium() as browser, simulated("jersey-city") as vehicle, person(browser, page.address, "/missions") as tab:
-        tab.get_by_label("Missions in the work folder").select_option("low.plan")
-        tab.locator(".answer .big").filter(has_text="error").wait_for()
-        tab.get_by_label("Connection").fill(vehicle.drone)
-        tab.get_by_label("Connection").press("Tab")
+        chosen(tab, "low.plan", "error", vehicle.drone)
         sure, upload = tab.get_by_label("I am sure"), tab.get_by_role("button", name="Upload and read back")
         sure.check()
         upload.click()

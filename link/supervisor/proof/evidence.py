@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from datetime import UTC, datetime, tzinfo
+from datetime import UTC, tzinfo
 from enum import StrEnum
 from typing import TYPE_CHECKING
 
 from skyway.models.base.formatting import zone_clock
+from skyway.models.base.units import from_posix
 
 if TYPE_CHECKING:
     from skyway.link.supervisor.proof.weighing import Weight
@@ -105,7 +106,7 @@ def judge(e: Evidence, zone: tzinfo = UTC) -> tuple[Verdict, str]:
 
 
 def _clock(at_s: float, zone: tzinfo) -> str:
-    return zone_clock(datetime.fromtimestamp(at_s, zone), zone)
+    return zone_clock(from_posix(at_s), zone)
 
 
 def _weighed_text(weight: Weight, package_kg: float) -> str:

@@ -78,7 +78,7 @@ SCALE_NAMES = {"S_PER_MIN", "S_PER_H", "J_PER_WH"}
         (words.place_text(40.712345678, -74.0), "40.71235,-74.00000"),
         (words.stored_degrees(40.712345678, -74.0), ("40.7123457", "-74.0000000")),
         (words.zone_clock(datetime(2013, 7, 10, 18, 3, 22, tzinfo=UTC), ZoneInfo("America/New_York")), "14:03:22 EDT"),
-        (words.utc_clock(0.0), "00:00:00"),
+        (words.local_clock(0.0, UTC), "00:00:00"),
         (words.date_clock(datetime(2013, 7, 10, 18, 3, 22, tzinfo=UTC)), "2013-07-10 18:03"),
     ],
 )
