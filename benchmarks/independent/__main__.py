@@ -57,15 +57,7 @@ def main(argv: list[str] | None = None) -> int:
     options = parser.parse_args(argv)
     if options.merge:
         return _merged(options.merge)
-    for name, least in LEAST.items():
-        if getattr(options, name) < least:
-            parser.error(f"--{name.replace('_', '-')} is {least} or more")
-    if not 0.0 <= options.share <= 1.0:
-        parser.error("--share is from 0 to 1")
-    if options.days > MOST_DAYS:
-        parser.error(
-            f"--days is 1 to {MOST_DAYS}: of more held-out days, two days apart, nothing is left to forecast a season from"
-        )
+    _refuse_out_of_range(parser, options)
     known = worlds(tuple(site.id for site in planning.city(options.city).sites))
     names = list(known) if options.worlds == "all-of-them" else options.worlds.split(",")
     unknown = [name for name in names if name not in known]
@@ -115,6 +107,18 @@ def main(argv: list[str] | None = None) -> int:
         )
     print(f"{len(found)} requests in worlds, {time.perf_counter() - started:.0f} s", file=sys.stderr)
     return 0
+
+
+def _refuse_out_of_range(parser: argparse.ArgumentParser, options: argparse.Namespace) -> None:
+    for name, least in LEAST.items():
+        if getattr(options, name) < least:
+            parser.error(f"--{name.replace('_', '-')} is {least} or more")
+    if not 0.0 <= options.share <= 1.0:
+        parser.error("--share is from 0 to 1")
+    if options.days > MOST_DAYS:
+        parser.error(
+            f"--days is 1 to {MOST_DAYS}: of more held-out days, two days apart, nothing is left to forecast a season from"
+        )
 
 
 def _merged(paths: list[Path]) -> int:
