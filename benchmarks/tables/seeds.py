@@ -1,8 +1,9 @@
 """What a seed changes: the same requests are planned with several seeds, and pairs of plans are compared.
 
 ``python -m benchmarks.tables.seeds [--seeds 10] [--only 0,5] [--out FILE]`` plans requests in the networks of New York, of the template, of the
-hills, and of Melbourne where its data are. It prints, for each request, the mean delivery and its standard deviation between seeds, how many of all
-pairs of seeds agree in it within 2 % and in the route, and the processor time of a plan; about ten minutes on an idle core.
+hills, and of Melbourne where its data are; with ``--drawn 60 [--draw-seed 1]`` that many requests drawn at random in New York instead. It prints,
+for each request, the mean delivery and its standard deviation between seeds, how many of all pairs of seeds agree in it within 2 % and in the route,
+and the processor time of a plan; about ten minutes on an idle core.
 """
 
 from __future__ import annotations
@@ -13,7 +14,7 @@ import sys
 import time
 from collections import Counter
 from dataclasses import dataclass, replace
-from datetime import date, datetime
+from datetime import UTC, date, datetime, timedelta
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -86,6 +87,21 @@ def requests() -> Iterator[Asked]:
         yield Asked("melbourne", scenario, *instance.request(delivery, "enough"))
 
 
+def drawn(count: int, seed: int) -> Iterator[Asked]:
+    """Requests between any two stations of New York, at any minute of 2013, with 0.2 to 1.4 kg."""
+    scenario = read_scenario(NEW_YORK)
+    rng = np.random.default_rng(seed)
+    ids = [station.id for station in scenario.network.stations]
+    year_min = 365 * 24 * 60
+    for _ in range(count):
+        origin, to = rng.choice(ids, 2, replace=False)
+        depart = datetime(2013, 1, 1, tzinfo=UTC) + timedelta(minutes=int(rng.integers(year_min)))
+        request = Request(
+            state=State(depart, str(origin)), destination=str(to), payload_kg=round(rng.uniform(0.2, 1.4), 1)
+        )
+        yield Asked("newyork", scenario, request)
+
+
 def planned(asked: Asked, seeds: range) -> Iterator[dict[str, Any]]:
     """Plan a request with several seeds, the first one twice: what is kept for the next is not counted."""
     depart = asked.request.state.time
@@ -136,10 +152,12 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--seeds", type=whole(2), default=10)
     parser.add_argument("--only", type=wholes, help="numbers of requests, 0,5")
+    parser.add_argument("--drawn", type=whole(1), help="number of requests drawn at random, instead of the chosen ones")
+    parser.add_argument("--draw-seed", type=whole(0), default=1)
     parser.add_argument("--out", type=Path, help="a line of JSON for each plan")
     options = parser.parse_args()
     rows = []
-    every = list(requests())
+    every = list(drawn(options.drawn, options.draw_seed) if options.drawn else requests())
     if options.only is not None and max(options.only) >= len(every):
         parser.error(f"--only: requests have the numbers 0 to {len(every) - 1}")
     for number, asked in enumerate(every):
