@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from skyway.dispatch.records import OPEN, WITH_PACKAGE
+from skyway.dispatch.records import HANDED_OVER, OPEN, WITH_PACKAGE
 from skyway.models.base.formatting import duration
 
 if TYPE_CHECKING:
@@ -25,7 +25,7 @@ def alarms(status: Status) -> list[str]:
         if state == "lost":
             found.append(f"{name} is lost, a person must check it: {drone.reason}")
     for name, (state, order) in status.orders.items():
-        if state == "handed to a person":
+        if state == HANDED_OVER:
             found.append(f"{name} needs a person: {order.reason}")
     found += [f"{name} does not run" for name, alive in status.workers.items() if running and not alive]
     for _, pad in status.pads.values():

@@ -16,7 +16,8 @@ if TYPE_CHECKING:
     from skyway.models.ledger.ledger import Lease
 
 OPEN = ("new", "promised", "under way", "aboard")
-CLOSED = ("delivered", "refused", "handed to a person")
+HANDED_OVER = "handed to a person"
+CLOSED = ("delivered", "refused", HANDED_OVER)
 """Closed states of orders; every order ends in one of them. Of the others: ``under way``: a drone flies to it or with it; ``aboard``: it is in a drone that
 stands somewhere on its way."""
 ACTIVE = ("ordered", "flying")
@@ -269,6 +270,14 @@ class Board:
             self._known[entry.kind, entry.id] = entry
             found[entry.id] = (entry.state, read(entry, record))
         return found
+
+    def read_one(self, kind: Kind, id: str, record: type[T], state: str) -> dict[str, tuple[str, T]]:  # noqa: A002
+        """Read one record: state and record by id; empty if it is not in this state."""
+        entry = self.desk.get(kind, id)
+        if entry is None or entry.state != state:
+            return {}
+        self._known[entry.kind, entry.id] = entry
+        return {entry.id: (entry.state, read(entry, record))}
 
     def change(self, kind: Kind, id: str, state: str, record: msgspec.Struct, *, keeper: str | None = None) -> None:  # noqa: A002
         """Change a record, or add one, with the next `write`."""

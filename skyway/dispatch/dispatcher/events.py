@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-from skyway.dispatch.records import LOST, STANDING, TO_PACKAGE, WITH_PACKAGE
+from skyway.dispatch.records import HANDED_OVER, LOST, STANDING, TO_PACKAGE, WITH_PACKAGE
 from skyway.models.base.errors import InputError
 from skyway.models.base.formatting import duration
 from skyway.models.orders.fitting import fit
@@ -17,13 +17,19 @@ if TYPE_CHECKING:
     from skyway.dispatch.dispatcher.promises import Promises
     from skyway.dispatch.dispatcher.reasons import Reasons
     from skyway.dispatch.dispatcher.situation import Situation
-    from skyway.dispatch.records import DroneRecord, End, FlightRecord
+    from skyway.dispatch.records import DroneRecord, End, FlightRecord, Progress
     from skyway.models.scenario.scenario import Scenario
 
 LATE_S = 120.0
 """Delay of a flight beyond that already planned with that causes a replan, s."""
 HELD_UP_S = {"holding": 900.0, "lost-link": 900.0, "preparing": 7200.0}
 """Time, s, after which a drone that is held up, out of contact, or did not take off is handed over to a person."""
+
+
+def _held_up_since_s(flight: FlightRecord, progress: Progress) -> float:
+    """Return since when a drone is held up, POSIX seconds; before its first take-off it waits for its package until that is ready."""
+    waits = progress.state == "preparing" and progress.flights == 0
+    return max(progress.since_s, flight.not_before_s) if waits else progress.since_s
 
 
 class Events:
@@ -71,7 +77,7 @@ class Events:
             why.of_drone[flight.drone] = f"{flight.drone} stopped at {end.station}: {end.reason}"
             drone.route = ()  # the steps after it; its pads are free for others, and for itself
             self._legs.close(flight.type, flight.steps, drone.place, now_s)
-        if flight.order is not None and flight.order in situation.orders:  # otherwise it was cancelled before
+        if flight.order is not None and situation.find_order(flight.order):
             self._take_end_of_order(flight.order, flight, end, safe=safe)
         situation.change_drone(flight.drone, STANDING if safe else LOST, drone)
         situation.close_flight(name)
@@ -83,12 +89,15 @@ class Events:
 
     def _take_end_of_order(self, name: str, flight: FlightRecord, end: End, *, safe: bool) -> None:
         situation = self._situation
-        _, order = situation.orders[name]
+        state, order = situation.orders[name]
+        if state == HANDED_OVER and not (flight.phase == WITH_PACKAGE and end.arrived and end.sure):
+            return
         order.drone = None
         if flight.phase == TO_PACKAGE:
             situation.change_order(name, "promised" if end.arrived else "new", order)
         elif end.arrived and end.sure:
             order.delivered_s = end.at_s
+            order.reason = ""  # of an earlier stop or delay
             late_s = end.at_s - order.order.due.timestamp()
             self._say(f"{name} delivered at {end.station}" + (f", {duration(late_s)} late" if late_s > 0.0 else ""))
             situation.change_order(name, "delivered", order)
@@ -117,8 +126,9 @@ class Events:
             progress = flight.progress
             state, drone = situation.drones[flight.drone]
             longest_s = math.inf if progress is None else HELD_UP_S.get(progress.state, math.inf)
-            if progress is not None and now_s > progress.since_s + longest_s and state != LOST:
-                reason = f"{progress.state} for {duration(now_s - progress.since_s)}"
+            since_s = -math.inf if progress is None else _held_up_since_s(flight, progress)
+            if progress is not None and now_s > since_s + longest_s and state != LOST:
+                reason = f"{progress.state} for {duration(now_s - since_s)}"
                 self._lose(flight.drone, drone, reason, reason, why)
                 situation.change_drone(flight.drone, LOST, drone)
                 if flight.order is not None and flight.order in situation.orders:

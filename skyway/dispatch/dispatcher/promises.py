@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from skyway.dispatch.records import ChangeRecord, Promise
+from skyway.dispatch.records import HANDED_OVER, ChangeRecord, Promise
 from skyway.models.base.formatting import duration
 from skyway.planner.dispatch.flights import latest_s
 from skyway.planner.dispatch.improve import TOLERATED_S
@@ -75,7 +75,7 @@ class Promises:
     def hand_over(self, name: str, order: OrderRecord) -> None:
         """Hand an order over to a person, with its stored reason."""
         self._say(f"{name} needs a person: {order.reason}")
-        self._situation.change_order(name, "handed to a person", order)
+        self._situation.change_order(name, HANDED_OVER, order)
 
     def refuse_too_late(self, now_s: float, weigh: DispatchParameters) -> None:
         """Refuse orders that can no longer be delivered in time."""

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 from skyway.dispatch.records import (
     ACTIVE,
     FLYING,
+    HANDED_OVER,
     LOST,
     OPEN,
     Board,
@@ -52,6 +53,12 @@ class Situation:
         self.drones = board.read("drone", DroneRecord)
         self.flights = board.read("flight", FlightRecord, (*ACTIVE, "ended"))
         self.pads = board.read("pad", PadRecord, ("out",))
+
+    def find_order(self, name: str) -> bool:
+        """Say whether an order is open, or was handed over to a person before its flight ended; that one joins `orders` again."""
+        if name not in self.orders:
+            self.orders.update(self.board.read_one("order", name, OrderRecord, HANDED_OVER))
+        return name in self.orders
 
     def write(self, lease: Lease) -> None:
         """Write all changes to the desk, or none."""
