@@ -14,6 +14,7 @@ from skyway.dispatch.records import WITH_PACKAGE, DroneRecord, End, FlightRecord
 from skyway.models.ledger.desk import Desk
 from skyway.models.ledger.opening import open_ledger
 from skyway.models.orders.order import Order, Vehicle
+from skyway.scenarios import load_scenario
 
 DRONE = Vehicle(id="d1", type="m200", home="bellevue", place="bellevue")
 READY_S = 5 * 3600.0
@@ -128,3 +129,22 @@ def test_an_order_in_the_hands_of_a_person_whose_drone_delivers_it_after_all_is_
         assert situation.orders["one"][0] == state
         assert situation.orders["one"][1].reason == ("" if state == "delivered" else "d1: holding for 15 min")
         assert any("one delivered at jacobi" in line for line in said) is (state == "delivered")
+
+
+@pytest.mark.parametrize("field", ["from", "to"])
+def test_an_order_at_a_place_without_pads_is_refused_before_a_drone_flies(tmp_path, field):
+    """Its flight could not be supervised: the drone was declared lost at its pad, with the package on board."""
+    places = {"from": "bellevue", "to": "jacobi"} | {field: "40.80,-73.90"}
+    order = Order(
+        id="two", origin=places["from"], destination=places["to"], mass_kg=0.3, ready=START, due=START + timedelta(hours=3)
+    )  # fmt: skip
+    with open_ledger(str(tmp_path / "ledger.db")) as book:
+        situation = Situation(Desk(book, "dispatch"))
+        situation.drones["d1"] = ("standing", DroneRecord(vehicle=DRONE, system=1, place="bellevue", soc=0.9))
+        situation.change_order("two", "new", OrderRecord(order=order, place=order.origin))
+        why = Reasons()
+        _events(situation, scenario=load_scenario(None)).take_orders(why)
+        state, record = situation.orders["two"]
+        assert state == "refused"
+        assert record.reason.startswith(f"{field} 40.80,-73.90: has no pads")
+        assert not why

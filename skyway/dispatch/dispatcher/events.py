@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from skyway.dispatch.dispatcher.reasons import Reasons
     from skyway.dispatch.dispatcher.situation import Situation
     from skyway.dispatch.records import DroneRecord, End, FlightRecord, Progress
+    from skyway.models.orders.order import Order
     from skyway.models.scenario.scenario import Scenario
 
 LATE_S = 120.0
@@ -164,9 +165,22 @@ class Events:
                 self._promises.refuse(name, record)
                 continue
             record.order, record.place = found.orders[0], found.orders[0].origin
+            record.reason = self._without_pads(record.order)
+            if record.reason:
+                self._promises.refuse(name, record)
+                continue
             record.reason = "not planned yet"
             situation.change_order(name, "new", record)
             why.general.append(f"order {name} came")
+
+    def _without_pads(self, order: Order) -> str:
+        """Return why no drone of the service may land at a place of an order; empty if both have pads."""
+        network = self._scenario.network
+        pads = {one.id: one.pads for one in network.stations}
+        for field, place in (("from", order.origin), ("to", order.destination)):
+            if not pads.get(place):
+                return f"{field} {place}: has no pads; the drones of this service land only at stations with pads"
+        return ""
 
     def take_pads(self, now_s: float, why: Reasons) -> None:
         """Process pads that are newly out of order, and those that are back in service."""
