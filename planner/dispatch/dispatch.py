@@ -220,10 +220,14 @@ class _WhyNever:
     """Why no drone can serve an order, even alone: its mass, else the wind, where that stops all drones that can carry it."""
 
     def __init__(self, work: Work, depart: datetime, forecast: WindEnsemble, parameters: PlannerParameters) -> None:
-        self._work, self._index = work, work.scenario.network.index
+        self._work, self._depart, self._index = work, depart, work.scenario.network.index
         self._wind_of = cache(
             lambda type_: WindBetween(mode_problem(work, depart, forecast, parameters, work.scenario.drone(type_), 0.0))
         )
+
+    def overdue(self, order: Order) -> str:
+        """Say that the due time of an order has passed when the plan begins, before another reason; empty if it has not."""
+        return "its due time passed before the plan begins; " if order.due <= self._depart else ""
 
     def __call__(self, order: Order) -> str:
         return self._work.too_heavy(order) or self._wind(order) or UNSERVED
@@ -260,7 +264,7 @@ def _explained(
         if alone is not None and count < MAX_EXPLAINED:
             latest = float(laid.problem.orders.latest_s[number])
             found, hopeless = _alone(work, alone, number, reason, latest)
-            reason = found or never(order)
+            reason = never.overdue(order) + (found or never(order))
             if hopeless and at_best is not None:
                 hopeless = _alone(work, at_best, number, reason, latest)[1]
         answers[number] = Answer(order=order.id, status="refused", reason=reason, hopeless=hopeless)

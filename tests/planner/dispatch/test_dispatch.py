@@ -192,6 +192,14 @@ def planned(new_york, orders, vehicles, **more):
     return dispatch(work, START, forecast=wind, time_limit_s=120.0, iterations=30, **more)
 
 
+@pytest.mark.parametrize(("ready_min", "overdue"), [(-120, True), (-59, False)])
+def test_a_refused_order_that_was_due_before_the_plan_begins_says_so(new_york, ready_min, overdue):
+    drones = [Vehicle(id="d0", type="m200", home="bellevue", place="bellevue")]
+    plan = planned(new_york, [order("far", "edison", "white-plains", ready_min=ready_min, hours=1.0)], drones)
+    assert plan.answers[0].status == "refused"
+    assert ("its due time passed before the plan begins; " in plan.answers[0].reason) is overdue
+
+
 def test_a_fleet_of_new_york(new_york):
     drones = [Vehicle(id=f"d{one}", type="m200", home="bellevue", place="bellevue") for one in range(2)]
     orders = [
