@@ -68,7 +68,7 @@ class TlogPackets(Packets):
         found: list[Packet] = []
         memory = index.beginning.copy() if begin == 0 else None
         for frames in read_frames(self._log.path, begin=begin, chunk_bytes=WINDOW_BYTES, memory=memory):
-            times = check.clean(frames.time_s)
+            times = check.clean(index.forward.undone(frames))
             wanted = frames.offset >= 0
             if self._system is not None:
                 wanted &= frames.system == self._system

@@ -17,6 +17,7 @@ from skyway.link.logs.common.table_kernels import table_of
 from skyway.link.logs.tlog import tlog_kernels as kernels
 from skyway.link.logs.tlog.beginning import beginning
 from skyway.link.logs.tlog.dialect import crc_extras, message_type, name_of
+from skyway.link.logs.tlog.set_forward import SetForward
 from skyway.link.logs.tlog.stamps import StampCheck
 from skyway.link.wire import layout
 from skyway.models.base.files import file_error
@@ -147,9 +148,11 @@ class TlogIndex:
     seek_offset: NDArray[np.int64]
     seek_shift_s: NDArray[np.float64]
     """`seek_time_s`, `seek_offset`, `seek_shift_s`: times, never decreasing; positions from which the log can be read;
-    how far the clock had been set back by then; shape (points,)."""
+    how far the clock had been set back by then; shape (points,). Steps forward are taken out by `forward`."""
     stamps: StampCheck
     """Problems of the stamps."""
+    forward: SetForward
+    """Where the recorder's clock was set forward."""
     beginning: ScanState
     """State of the parser at the start of the log."""
 
@@ -169,7 +172,7 @@ def scan(
 
     `watch` is called with the messages of each chunk and their times.
     """
-    memory, check = beginning(path, ScanState()), StampCheck()
+    memory, check, forward = beginning(path, ScanState()), StampCheck(), SetForward()
     begun = memory.copy()
     types: Counter[int] = Counter()
     systems = np.zeros(256, dtype=np.int64)
@@ -178,14 +181,14 @@ def scan(
     for frames in read_frames(path, chunk_bytes=chunk_bytes, memory=memory):
         if not len(frames):
             continue
-        times = check.clean(frames.time_s)
+        times = check.clean(forward.see(frames))
         first_s = float(times[0]) if math.isnan(first_s) else first_s
         dense = frames.number < kernels.DENSE_IDS
         counted = np.bincount(frames.number[dense])
         types.update({int(number): int(counted[number]) for number in np.flatnonzero(counted)})
         types.update(frames.number[~dense].tolist())
         systems += np.bincount(frames.system, minlength=256)
-        points.append(_seek_points(frames, times))
+        points.append(_seek_points(frames, times, forward))
         if watch is not None:
             watch(frames, times)
     state = memory.state
@@ -197,18 +200,19 @@ def scan(
         skipped_bytes=int(state[[kernels.BAD_BYTES, kernels.STAMP_BYTES, kernels.BUFFERED]].sum()),
         bad_records=int(state[kernels.BAD]),
         first_s=first_s,
-        last_s=check.highest_s if math.isfinite(check.highest_s) else math.nan,
+        last_s=check.highest_s + forward.ended() if math.isfinite(check.highest_s) else math.nan,
         seek_time_s=seek_time_s,
         seek_offset=seek_offset.astype(np.int64),
         seek_shift_s=seek_shift_s,
         stamps=check,
+        forward=forward,
         beginning=begun,
     )
 
 
-def _seek_points(frames: Frames, times: NDArray[np.float64]) -> NDArray[np.float64]:
+def _seek_points(frames: Frames, times: NDArray[np.float64], forward: SetForward) -> NDArray[np.float64]:
     """One frame for every so many bytes: time, place of the stamp before it, shift of the clock there, shape (3, points)."""
-    shift = times - frames.time_s
+    shift = times - forward.undone(frames)
     whole = np.flatnonzero((frames.offset >= 8) & (np.abs(shift) < StampCheck.REACH_S))
     first = whole[np.flatnonzero(np.diff(frames.offset[whole] // SEEK_EVERY, prepend=-1))]
     return np.stack([times[first], frames.offset[first] - 8.0, shift[first]])

@@ -29,6 +29,8 @@ if TYPE_CHECKING:
 
 CLOCK_S, CLOCK_SHARE = 5.0, 0.02
 """A vehicle's clock that differs from the recorder's by more than this is reported."""
+RETURN_S, RETURNS = 2.0, 20
+"""A vehicle's clock that goes back by more than this, more often than it could have started anew, is that of two vehicles."""
 LOST_S = 60.0
 """Steps longer than this are pauses of the recording, not of a clock."""
 
@@ -38,6 +40,7 @@ class _Clock:
 
     def __init__(self) -> None:
         self.own_s = self.recorder_s = 0.0
+        self.returns = 0
         self._last = (math.nan, math.nan)
 
     def add(self, boot_s: NDArray[np.float64], time_s: NDArray[np.float64]) -> None:
@@ -47,6 +50,7 @@ class _Clock:
         steady = (own >= 0.0) & (own < LOST_S) & (recorder < LOST_S)  # false for NaN, the first
         self.own_s += float(own[steady].sum())
         self.recorder_s += float(recorder[steady].sum())
+        self.returns += int((own < -RETURN_S).sum())
         self._last = float(boot_s[-1]), float(time_s[-1])
 
 
@@ -72,7 +76,7 @@ class Tlog:
         assemblers: dict[int, Assembler] = {}
         memory = self.index.beginning.copy() if begin == 0 else None
         for frames in read_frames(self.path, begin=begin, chunk_bytes=PIECE_BYTES, memory=memory):
-            times = check.clean(frames.time_s)
+            times = check.clean(self.index.forward.undone(frames))
             for system, stretch in _stretches(frames, times, self._climbs).items():
                 if system not in assemblers:
                     assemblers[system] = Assembler(system)
@@ -109,7 +113,12 @@ class Tlog:
     def _doubts(self, check: StampCheck) -> tuple[str, ...]:
         found = list(_doubts(check, self.index, self._climbs))
         for system, clock in sorted(self._clocks.items()):
-            if abs(clock.own_s - clock.recorder_s) > max(CLOCK_S, CLOCK_SHARE * clock.recorder_s):
+            if clock.returns > RETURNS:
+                found.append(
+                    f"the clock of vehicle {system} goes back {clock.returns:,} times: several vehicles have this system id, and all "
+                    "figures mix them; give each its own (SYSID_THISMAV or MAV_SYS_ID) before they are recorded together"
+                )
+            elif abs(clock.own_s - clock.recorder_s) > max(CLOCK_S, CLOCK_SHARE * clock.recorder_s):
                 went = f"went {duration(clock.own_s)} while the recorder's went {duration(clock.recorder_s)}"
                 found.append(f"the clock of vehicle {system} {went}: parts were not recorded as they happened")
         return tuple(found)
@@ -150,11 +159,24 @@ def _doubts(check: StampCheck, index: TlogIndex, climbs: Mapping[int, float]) ->
         doubts.append(
             f"the clock was set back {len(check.set_back)} times, by up to {duration(most)}; later times are shifted"
         )
+    if index.forward.steps:
+        steps_s = [by_s for _, by_s in index.forward.steps]
+        often = "once" if len(steps_s) == 1 else f"{len(steps_s)} times"
+        doubts.append(
+            f"the recorder's clock was set forward {often} while the vehicle's ran on, by {_span(max(steps_s))}"
+            f"{' at most' if len(steps_s) > 1 else ''}; later times are shifted back, so the date is that of the clock before"
+        )
     if check.disbelieved:
         doubts.append(f"{check.disbelieved} time stamps are far from their neighbours; the previous ones are used")
     if index.first_s < 946_684_800.0:
         doubts.append("the clock is before the year 2000, so it was probably never set")
     return tuple(doubts)
+
+
+def _span(seconds: float) -> str:
+    """Return how far a clock was set, in days where it was days."""
+    days = seconds / 86_400.0
+    return duration(seconds) if days < 2.0 else f"{days:,.0f} days"
 
 
 def _stretches(frames: Frames, times: NDArray[np.float64], climbs: Mapping[int, float]) -> dict[int, Stretch]:

@@ -17,6 +17,7 @@ from skyway.link.logs.common.assembly import Assembler, Stretch
 from skyway.link.logs.common.messages import SPOKEN
 from skyway.link.logs.csv_log import read_columns
 from skyway.link.logs.reader import format_of, open_log
+from skyway.link.logs.tlog.tlog import scan
 from skyway.models.base.errors import InputError
 from skyway.models.drones.telemetry import QUANTITIES, TelemetryTrack
 
@@ -250,6 +251,79 @@ def test_a_clock_that_is_set_back_is_said_and_time_goes_on(tmp_path):
     track = TelemetryTrack.joined(log.tracks())
     assert (np.diff(track.time_s) > 0.0).all()
     assert len(track) >= 598
+
+
+def stepped(data, at_share, by_s):
+    """The stamps of a recording whose clock is set by so much after a share of its messages."""
+    log, positions = bytearray(data), list(stamps_of(data))
+    for position in positions[round(at_share * len(positions)) :]:
+        (stamp,) = struct.unpack_from(">Q", log, position)
+        struct.pack_into(">Q", log, position, stamp + round(by_s * 1e6))
+    return bytes(log)
+
+
+def stamps_of(data):
+    """Positions of the stamps of an undamaged tlog."""
+    position = 0
+    while position < len(data):
+        yield position
+        second = data[position + 8] == 0xFD
+        position += 8 + data[position + 9] + (12 if second else 8)
+
+
+@pytest.mark.parametrize("by_s", [300.0, 12 * 3600.0, 3 * 365 * 86_400.0])
+def test_a_clock_that_is_set_forward_in_flight_is_said_and_the_flight_stays_whole(tmp_path, by_s):
+    """As on a companion computer that finds a network in the air."""
+    steady, path = tmp_path / "steady.tlog", tmp_path / "set.tlog"
+    record(steady, fly(duration_s=60.0))
+    whole = open_log(steady)
+    path.write_bytes(stepped(steady.read_bytes(), 0.5, by_s))
+    found = open_log(path)
+    assert "set forward once while the vehicle's ran on" in " ".join(found.summary.time_base.doubts)
+    assert found.summary.end_s == pytest.approx(whole.summary.end_s, abs=0.2)
+    tracks = [TelemetryTrack.joined(log.tracks()) for log in (found, whole)]
+    assert len(tracks[0]) == len(tracks[1])
+    assert tracks[0].time_s == pytest.approx(tracks[1].time_s, abs=0.2)
+    late = whole.summary.start_s + 45.0
+    assert len(TelemetryTrack.joined(found.tracks(late, late + 5.0))) >= 49
+
+
+def test_a_pause_of_the_recording_in_which_the_vehicles_clock_goes_on_stays_a_pause(tmp_path):
+    log = Recorder()
+    for second in (*range(30), *range(900, 930)):
+        log.add(float(second), log.dialect.MAVLink_attitude_message(1000 * second, 0, 0, 0, 0, 0, 0))
+    path = tmp_path / "paused.tlog"
+    path.write_bytes(log.data)
+    found = open_log(path).summary
+    assert found.end_s - found.start_s == pytest.approx(929.0)
+    assert "set forward" not in " ".join(found.time_base.doubts)
+
+
+@pytest.mark.parametrize("lasting_s", [0.0, 900.0])
+def test_a_step_of_the_clock_at_the_edge_of_a_chunk_is_judged_by_the_next(tmp_path, lasting_s):
+    """The clock of the vehicle goes on for `lasting_s` in each step: 0 if the recorder's was set."""
+    for before in range(256, 274):  # a chunk of 64 kB ends in one of these rows, before its attitude
+        log = Recorder()
+        for row in range(before + 100):
+            late = row >= before
+            boot_ms, time_s = 100 * row + round(1000 * lasting_s * late), 0.1 * row + 900.0 * late
+            for _ in range(5):
+                log.add(time_s, log.dialect.MAVLink_vfr_hud_message(0.0, 0.0, 0, 50, 500.0, 0.0))
+            log.add(time_s, log.dialect.MAVLink_attitude_message(boot_ms, 0, 0, 0, 0, 0, 0))
+        path = tmp_path / "edge.tlog"
+        path.write_bytes(log.data)
+        index = scan(path, chunk_bytes=1 << 16)
+        assert index.last_s - index.first_s == pytest.approx(0.1 * (before + 99) + lasting_s, abs=0.2), before
+
+
+def test_two_vehicles_with_one_system_id_are_said(tmp_path):
+    log = Recorder()
+    for row in range(100):
+        for since_ms in (0, 400_000):
+            log.add(0.1 * row, log.dialect.MAVLink_attitude_message(since_ms + 100 * row, 0, 0, 0, 0, 0, 0))
+    path = tmp_path / "both.tlog"
+    path.write_bytes(log.data)
+    assert "several vehicles have this system id" in " ".join(open_log(path).summary.time_base.doubts)
 
 
 def test_a_part_from_the_middle_is_the_same_as_that_part_of_the_whole(tmp_path):
