@@ -148,3 +148,16 @@ def test_a_mission_is_dropped_cut_a_pad_dragged_and_all_of_it_saved(tmp_path):
             tab.wait_for_function(f"(was) => {command} === was", arg=before)
     finally:
         ended(page)
+
+
+@pytest.mark.slow
+def test_a_file_that_is_no_mission_is_said_before_pads_are_chosen(tmp_path):
+    from tests.web.conftest import ended, served
+
+    (tmp_path / "flight.ulg").write_bytes(b"ULog\x01\x12\x35\x01" + bytes(range(128, 256)))
+    page = served(tmp_path)
+    try:
+        with chromium() as browser, person(browser, page.address, "/recharge?file=flight.ulg") as tab:
+            tab.get_by_text("flight.ulg: is not UTF-8 text").wait_for()
+    finally:
+        ended(page)

@@ -203,8 +203,9 @@ class RechargePage:
             return
         try:
             plain = await self.site.workers.ask("missions.shown", asked["mission"], self.site.scenario, {})
-        except SkywayError:
-            return  # the reason was already reported
+        except SkywayError as error:
+            self._wrong(str(error))
+            return
         lines = [leg["points"] for leg in plain["legs"]]
         self._on_map(lines, plain["home"], [])
 
