@@ -32,6 +32,11 @@ class Candidate:
         head = self.policy.problem.network.head
         return tuple(int(head[leg.segments[-1]]) for leg in self.policy.itinerary)
 
+    @property
+    def flights(self) -> tuple[tuple[int, ...], ...]:
+        """Segments of each flight: what tells routes apart."""
+        return tuple(leg.segments for leg in self.policy.itinerary)
+
     def order(self) -> tuple[float, ...]:
         """Sort key of candidates: arrival, then keeping the reserve, then the objective."""
         least = self.policy.problem.parameters.robust.min_arrival

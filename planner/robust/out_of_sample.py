@@ -102,7 +102,7 @@ def simulated_realizations(
     belief = errors.energy_of(problem.drone)
     shares = [drawn_evenly(rng, len(chosen), each) for _ in range(1 + flights)]
     usual, ratio = belief.ratios(np.column_stack(shares))
-    sets = -(-len(members) // problem.parameters.robust.runs_per_queues)
+    sets = -(-len(members) // problem.parameters.robust.runs_per_queues_of(len(problem.network)))
     queue = np.arange(len(members)) % sets  # runs that share one are of different members
     disturbance = Disturbance(queue, ratio, key, errors.gust_sd, errors.gust_time_s)
     return SampledTruths(members, disturbance, usual, sample_set)

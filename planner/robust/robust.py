@@ -96,9 +96,9 @@ class RobustSearch:
         """Search for the best route. Raises a `NoRouteError` if there is no route even without margin."""
         candidates = self._with_other_waits(self._with_short_flights(self.finalists(self.candidates())))
         try:
-            return self._first_to_finish(candidates)
+            return self._best_finished(candidates)
         except NoRouteError:  # shorter flights may arrive
-            return self._first_to_finish([*sorted(self._of_short_flights(), key=Candidate.order), *candidates])
+            return self._best_finished([*sorted(self._of_short_flights(), key=Candidate.order), *candidates])
 
     def _of_short_flights(self) -> list[Candidate]:
         """Return routes of flights so short that hardly any wind makes them too long for the battery, over any station."""
@@ -109,18 +109,18 @@ class RobustSearch:
     def _with_short_flights(self, candidates: list[Candidate]) -> list[Candidate]:
         """Try short flights if the best route has a long wait in some winds: the winds of the first comparison may not contain storms."""
         best = candidates[0]
-        if len(best.out_of_sample.weight) <= 2 * self.parameters.screen_runs and not self._late():
+        if not self._is_compared(best) and not self._late():
             best = self._judged(best.policy.itinerary, self.parameters.finalist_runs, None, best)[0]
         if self._late() or not self._waits_long(best.outcome, len(best.out_of_sample.weight)):
             return candidates
+        short = {one.flights: one for one in self._of_short_flights()}
+        for one in (best, *filter(self._is_compared, candidates[1:])):
+            short.pop(one.flights, None)
         margin = best.policy.known.margin
-        known = {tuple(leg.segments for leg in one.policy.itinerary) for one in candidates}
-        again = [
-            self._careful(self._judged(one.policy.itinerary, self.parameters.finalist_runs, None, one)[0], margin)
-            for one in self._of_short_flights()
-            if tuple(leg.segments for leg in one.policy.itinerary) not in known
-        ]
-        return self._ranked([best, *again, *candidates[1:]])
+        again = [self._compared(one, margin) for one in short.values()]
+        rest = [one for one in candidates[1:] if one.flights not in short]
+        compared = [best, *again, *filter(self._is_compared, rest)]
+        return self._compare_better(compared, [one for one in rest if not self._is_compared(one)], margin)
 
     def _waits_long(self, outcome: Outcome, runs: int) -> bool:
         """Whether a route waits so long in some winds that one of short flights is worth a comparison."""
@@ -142,23 +142,38 @@ class RobustSearch:
                 continue
             policy = replace(one.policy, first_s=p.depart_s + hold_s)
             runs = len(one.out_of_sample.weight)
-            screened = None if runs > self.parameters.screen_runs * 2 else self.parameters.screen_members
+            screened = None if self._is_compared(one) else self.parameters.screen_members
             again = policy.simulate(self.errors, runs, max_realizations=screened, before=one.out_of_sample)
             found.append(self._candidate(policy, again))
         return self._ranked(found)
 
-    def _first_to_finish(self, candidates: list[Candidate]) -> RobustAnswer:
-        """Finish the first candidate that can be: in the final evaluation, the drone may never leave, or its battery become empty."""
-        for number in range(len(candidates)):
+    def _best_finished(self, candidates: list[Candidate]) -> RobustAnswer:
+        """Finish the first candidate, and the next ones as long as they may be better: the calibrated margin may make a route much longer.
+
+        In the final evaluation, the drone may never leave, or its battery become empty; then the next candidate is finished, too.
+        """
+        answers: list[RobustAnswer] = []
+        finished: list[Candidate] = []
+        for number, one in enumerate(candidates):
+            best = self._ranked(finished)[0] if finished else None
+            if best and (self._late() or not self._is_compared(one) or one.order() >= best.order()):
+                break
+            if len(finished) == (1 if self._large else self.parameters.finished_routes):
+                break
             try:
-                return self.finish([candidates[number], *candidates[:number], *candidates[number + 1 :]])
+                answers.append(self.finish([one, *candidates[:number], *candidates[number + 1 :]]))
             except NoRouteError:
-                if number == len(candidates) - 1:
+                if not finished and number == len(candidates) - 1:
                     raise
-        raise AssertionError
+            else:
+                finished.append(self._candidate(answers[-1].policy, answers[-1].out_of_sample))
+        return answers[finished.index(self._ranked(finished)[0])]
 
     def finalists(self, candidates: list[Candidate]) -> list[Candidate]:
-        """Order candidates again after more runs of the first few, and of those that are better except for the reserve."""
+        """Order candidates again after more runs of the first few, and of those that are better except for the reserve.
+
+        With a margin a route may take much longer; so others follow, see `_compare_better`.
+        """
         if len(candidates) == 1 or self._large or self._late():
             return candidates
         first, others = candidates[: self.parameters.finalists], candidates[self.parameters.finalists :]
@@ -166,9 +181,24 @@ class RobustSearch:
         again = [
             self._judged(one.policy.itinerary, self.parameters.finalist_runs, None, one)[0] for one in first + bold
         ]
-        # Candidates are compared as flown: with a margin. It is similar for all of them; an individual one would have a sampling error.
+        # Candidates are compared as flown: with a margin. A single one has a sampling error, one of all may be that of a bad route; so the
+        # lesser counts, and the best are calibrated until none could be better.
         margin = margin_for([one.out_of_sample for one in again], self.problem.epsilon)
-        return self._ranked([self._careful(one, margin) for one in again]) + [one for one in others if one not in bold]
+        compared = [self._careful(one, margin) for one in again]
+        return self._compare_better(compared, [one for one in others if one not in bold], margin)
+
+    def _compare_better(self, compared: list[Candidate], others: list[Candidate], margin: float) -> list[Candidate]:
+        """Order the compared candidates; compare others too, as long as one would be better than the best, without a margin."""
+        compared, others = self._ranked(compared), list(others)
+        while len(compared) < self.parameters.most_finalists and others and others[0].order() < compared[0].order():
+            if self._late():
+                break
+            compared = self._ranked([*compared, self._compared(others.pop(0), margin)])
+        return compared + others
+
+    def _compared(self, one: Candidate, margin: float) -> Candidate:
+        """Return a candidate in the deliveries of the second comparison, with a margin."""
+        return self._careful(self._judged(one.policy.itinerary, self.parameters.finalist_runs, None, one)[0], margin)
 
     def _late(self) -> bool:
         """Whether the time limit is reached."""
@@ -177,9 +207,9 @@ class RobustSearch:
         return late
 
     def _careful(self, one: Candidate, margin: float) -> Candidate:
-        """Return a candidate with a margin on its charges; one that violates the reserve, with its own margin."""
-        if one.unsafe:
-            margin = max(margin, margin_for([one.out_of_sample], self.problem.epsilon))
+        """Return a candidate with a margin on its charges, or with its own one if that is less, or if it violates the reserve."""
+        own = margin_for([one.out_of_sample], self.problem.epsilon)
+        margin = max(margin, own) if one.unsafe else min(margin, own)
         if margin <= one.policy.known.margin + self.parameters.margin_tolerance:
             return one
         policy = replace(one.policy, known=one.policy.known._replace(margin=margin))
@@ -191,12 +221,23 @@ class RobustSearch:
 
         A `NoRouteError`: calibrated, it never arrives, or its typical schedule runs out of charge.
         """
-        policy = candidates[0].policy
         runs = self.parameters.final_runs_of(len(self.problem.network))
         runs = min(runs, self.parameters.hurried_runs) if self._late() else runs
-        out_of_sample = policy.simulate(self.errors, runs, before=candidates[0].out_of_sample, sample_set=PROMISING)
-        policy, out_of_sample = self._leaving(policy, out_of_sample, runs)
-        chosen_in = [one for one in (candidates[0].out_of_sample,) if len(one.weight) > 2 * self.parameters.screen_runs]
+        policy, out_of_sample = self._calibrated(candidates[0], runs)
+        outcome = out_of_sample.outcome(self.problem, policy.itinerary)
+        if outcome.p_arrive <= 0.0:
+            raise policy.grounded(out_of_sample)
+        typical = policy.typical(out_of_sample)
+        emptied = emptied_leg(typical.schedule)
+        if emptied is not None:
+            raise runs_empty(self.problem, policy.itinerary, emptied)
+        return RobustAnswer(policy.with_charges(typical.schedule), typical, out_of_sample, outcome, tuple(candidates))
+
+    def _calibrated(self, one: Candidate, runs: int) -> tuple[ChargePolicy, OutOfSample]:
+        """Return the policy of a candidate with the margin that so many simulated deliveries need, and these."""
+        out_of_sample = one.policy.simulate(self.errors, runs, before=one.out_of_sample, sample_set=PROMISING)
+        policy, out_of_sample = self._leaving(one.policy, out_of_sample, runs)
+        chosen_in = [one.out_of_sample] if self._is_compared(one) else []
         for _ in range(1 if self._large else self.parameters.calibrations):
             wanted, margin = margin_for([out_of_sample, *chosen_in], self.problem.epsilon), policy.known.margin
             tolerance = self.parameters.margin_tolerance
@@ -206,14 +247,7 @@ class RobustSearch:
             if abs(wanted - margin) <= tolerance:
                 break
             out_of_sample = policy.simulate(self.errors, runs, before=out_of_sample, sample_set=PROMISING)
-        outcome = out_of_sample.outcome(self.problem, policy.itinerary)
-        if outcome.p_arrive <= 0.0:
-            raise policy.grounded(out_of_sample)
-        typical = policy.typical(out_of_sample)
-        emptied = emptied_leg(typical.schedule)
-        if emptied is not None:
-            raise runs_empty(self.problem, policy.itinerary, emptied)
-        return RobustAnswer(policy.with_charges(typical.schedule), typical, out_of_sample, outcome, tuple(candidates))
+        return policy, out_of_sample
 
     def _leaving(self, policy: ChargePolicy, out_of_sample: OutOfSample, runs: int) -> tuple[ChargePolicy, OutOfSample]:
         """Permit stations with a higher blocking probability if some runs never leave for lack of a place, and the reserve is kept."""
@@ -265,9 +299,14 @@ class RobustSearch:
         return self._ranked(flying)
 
     def _ranked(self, candidates: list[Candidate]) -> list[Candidate]:
-        """Order candidates, best first."""
-        ranked = self.problem.request.objective.ranked([one.order() for one in candidates])
+        """Order candidates, best first; those of the second comparison before the others, whose figures lack its margin."""
+        orders = [(not self._is_compared(one), *one.order()) for one in candidates]
+        ranked = self.problem.request.objective.ranked(orders)
         return [candidates[number] for number in ranked]
+
+    def _is_compared(self, one: Candidate) -> bool:
+        """Whether a candidate was in the second comparison, in more deliveries than in the first."""
+        return len(one.out_of_sample.weight) > 2 * self.parameters.screen_runs
 
     def _add_short_flights(
         self, found: dict[tuple[tuple[int, ...], ...], Candidate], allowed: NDArray[np.bool_]
