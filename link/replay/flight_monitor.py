@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, Generic, Protocol, Self, TypeVar
 
 import numpy as np
 
+from skyway.link.replay.known_wind import KnownWind, KnownWindWatch
 from skyway.link.replay.monitors import CHECK_EVERY_S, BatteryWatch, LegWatch, Notice, Seconds, TrustWatch, WindWatch
 from skyway.models.drones.telemetry import TelemetryTrack
 from skyway.models.wind.estimation.filter import FilteredWind
@@ -114,6 +115,7 @@ class FlightMonitor:
         self.end_s = math.nan
         """Time of the newest sample."""
         self._seconds = Seconds()
+        self._known = KnownWindWatch()
         self._wind_watch, self._trust_watch = WindWatch(wind), TrustWatch()
         self._window = math.nan
         self._listener = listener
@@ -147,11 +149,18 @@ class FlightMonitor:
         """The estimates to which something was measured, and which are consistent, thinned likewise."""
         return self._course.rows()
 
+    def known(self) -> KnownWind:
+        """What is known of the wind of the flights so far."""
+        airborne_s = sum(phase.time_s for phase in self.legs.phases().values())
+        end_s = self.legs.legs[-1].end_s if self.legs.legs else self.end_s
+        return self._known.found(FilteredWind.empty(0), airborne_s, end_s)
+
     def _take(self, rows: TelemetryTrack, course: FilteredWind) -> list[Notice]:
         seen = course.part(np.isfinite(course.nis))
         measured = seen.part(seen.trusted)
         self.tally.doubted += len(seen) - len(measured)
         self.tally.add(measured)
+        self._known.add(seen)
         self._rows.add(rows)
         self._course.add(measured)
         if self._listener is not None and len(rows):

@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from skyway.link.logs.common.log import Log, LogSummary
     from skyway.link.logs.common.vehicle_kind import Kind, Vehicle
     from skyway.link.replay.flight_monitor import Listener
+    from skyway.link.replay.known_wind import KnownWind
     from skyway.models.drones.airspeed import AirspeedModel
     from skyway.models.drones.drag import DragModel
     from skyway.models.drones.power import Phase
@@ -57,6 +58,8 @@ class Replay:
     """The filter's course where something was measured and the filter is consistent, thinned likewise."""
     tally: WindTally
     """Sums over the whole course."""
+    known: KnownWind
+    """For how much of the flight the wind was known, and the last that was."""
     measured: dict[str, int]
     """Measurements of each kind."""
     rejected: int
@@ -157,6 +160,7 @@ def replay(
         seconds=monitor.seconds(),
         wind=monitor.course(),
         tally=monitor.tally,
+        known=monitor.known(),
         measured=dict(monitor.wind.measured),
         rejected=monitor.wind.rejected,
         forecast=asked.forecast is not None,
@@ -287,7 +291,7 @@ def _last_words(monitor: FlightMonitor, air: _Air) -> list[Notice]:
     texts = []
     if air.drag_source == "nominal":
         texts.append(f"a nominal drag is used; {air.reason}")
-    if not monitor.tally.count and monitor.legs.legs:
+    if not monitor.tally.count and not monitor.tally.doubted and monitor.legs.legs:
         why = f": {air.reason}" if air.drag_source == "none" and air.reason else ""
         texts.append(f"no wind could be measured in this flight{why}")
     if monitor.tally.doubted:

@@ -17,6 +17,8 @@ from skyway.models.wind.estimation.health import chi2_band
 from skyway.models.wind.triangle import speed_from
 
 if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
     from skyway.link.replay.monitors import Leg
     from skyway.link.replay.prediction import Prediction
     from skyway.link.replay.replay import Replay
@@ -82,6 +84,11 @@ class WindSummary(msgspec.Struct, frozen=True, kw_only=True):
     measurements: dict[str, int]
     rejected: int
     inconsistent_s: int
+    known_share: float | None
+    """Of the time in the air, 0 to 1."""
+    known_at_end: bool
+    """Whether the last known wind still counts at the end of the flight."""
+    last_known: WindAt | None
     nis_mean: float | None
     nis_band_95: tuple[float | None, ...] | None
 
@@ -179,20 +186,6 @@ def instant(found: Replay, time_s: float) -> Instant:
     return iso(from_posix(round(time_s, 3)))
 
 
-def wind_basis(found: Replay) -> str:
-    """Return how the wind was measured, or why it was not."""
-    if not len(found.wind):
-        why = f": {found.drag_reason}" if found.drag_source == "none" and found.drag_reason else ""
-        return f"not measured{why}"
-    later = "from the whole log, unlike in a live flight"
-    return {
-        "identified": f"drag identified {later}",
-        "none": f"by airspeed, calibrated {later}" if found.airspeed_source == "identified" else "by airspeed",
-        "given": "given drag",
-        "nominal": "nominal drag",
-    }[found.drag_source]
-
-
 def replay_report(
     found: Replay, prediction: Prediction | None = None, parameters: dict[str, str] | None = None
 ) -> ReplayReport:
@@ -249,6 +242,11 @@ def _winds(found: Replay) -> list[WindAt]:
     every = max(WIND_EVERY_S, float(wind.time_s[-1] - wind.time_s[0]) / MAX_WINDS)
     number = np.floor((wind.time_s - wind.time_s[0]) / every)
     rows = np.append(np.flatnonzero(np.diff(number)), len(wind) - 1)
+    return _winds_at(found, wind, rows)
+
+
+def _winds_at(found: Replay, wind: FilteredWind, rows: NDArray[np.int64]) -> list[WindAt]:
+    """Return some rows of a course."""
     speed, direction = speed_from(wind.wind[rows, 0], wind.wind[rows, 1])
     return [
         WindAt(
@@ -273,6 +271,9 @@ def _wind_summary(found: Replay) -> WindSummary:
         measurements=found.measured,
         rejected=found.rejected,
         inconsistent_s=found.tally.doubted,
+        known_share=_known(found.known.share),
+        known_at_end=found.known.at_end,
+        last_known=next(iter(_winds_at(found, found.known.last, np.arange(len(found.known.last)))), None),
         nis_mean=_known(tally.mean(tally.nis)),
         nis_band_95=tuple(_known(value) for value in band) if tally.count else None,
     )

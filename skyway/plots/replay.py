@@ -6,11 +6,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from skyway.link.replay.known_wind import KEPT_S
 from skyway.models.wind.triangle import speed_from
 from skyway.plots.pictures import CALM, INK, MUTED, ROUTE, new_figure, plain_axes, save_figure
 
 if TYPE_CHECKING:
     from pathlib import Path
+
+    from numpy.typing import NDArray
 
     from skyway.link.replay.replay import Replay
 
@@ -46,10 +49,20 @@ def _line(axes: Any, minutes: Any, values: Any, color: str, label: str) -> None:
     axes.tick_params(labelsize=8)
 
 
+def _pauses(found: Replay) -> NDArray[np.int64]:
+    """Return the rows of the wind before which it was unknown, so that no line is drawn through that time."""
+    steps_s = np.diff(found.wind.time_s)
+    usual_s = float(np.median(steps_s)) if len(steps_s) else 0.0
+    return np.flatnonzero(steps_s > max(KEPT_S, 3.0 * usual_s)) + 1
+
+
 def _draw_wind(upper: Any, lower: Any, found: Replay, zero: float) -> None:
     minutes = (found.wind.time_s - zero) / 60.0
     speed, direction = speed_from(found.wind.wind[:, 0], found.wind.wind[:, 1])
     sigma = found.wind.sigma_mps
+    paused = _pauses(found)
+    minutes, speed, sigma = (np.insert(one, paused, np.nan) for one in (minutes, speed, sigma))
+    direction = np.insert(direction, paused, np.nan)
     upper.fill_between(
         minutes, np.maximum(speed - 2.0 * sigma, 0.0), speed + 2.0 * sigma, color=CALM, alpha=0.25, linewidth=0
     )
@@ -58,7 +71,8 @@ def _draw_wind(upper: Any, lower: Any, found: Replay, zero: float) -> None:
     lower.set_ylabel("wind FROM, degrees", color=CALM, fontsize=8)
     lower.set_ylim(0, 360)
     if found.forecast:
-        expected, bearing = speed_from(found.wind.forecast[:, 0], found.wind.forecast[:, 1])
+        forecast = np.insert(found.wind.forecast, paused, np.nan, axis=0)
+        expected, bearing = speed_from(forecast[:, 0], forecast[:, 1])
         upper.plot(minutes, expected, color=ROUTE, linewidth=1.0, linestyle="--", label="forecast")
         lower.plot(minutes, bearing, ".", color=ROUTE, markersize=1)
         upper.legend(fontsize=7, loc="upper right", frameon=False)

@@ -6,9 +6,11 @@ import json
 import shutil
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from skyway.cli.main import main
+from skyway.web.work.replayed import shown
 from tests.web.browsing import WIDER, chromium, person
 from tests.web.conftest import ended, served
 
@@ -89,10 +91,23 @@ def test_a_log_from_elsewhere_is_shown_in_utc_with_what_is_said_of_it(flown, bro
         tab.wait_for_function("window.skywayPlayer?.logs.length === 1")
         assert "0:00:00 (2023-06-21 06:42:32 UTC)" in tab.inner_text("output.clock")
         notes = tab.get_by_label("Notes on abroad.ulg").locator("li").all_inner_texts()
-        assert "wind: nominal drag" in notes
+        assert any(one.startswith("wind: ") and one.endswith("(nominal drag)") for one in notes)
         assert "vehicle: multirotor (MAV_TYPE 2)" in notes
         tab.set_viewport_size({"width": 320, "height": 700})
         assert tab.evaluate(WIDER) == []
+
+
+def test_no_wind_is_shown_while_the_filter_is_inconsistent(shared_data):
+    log = shown(str(shared_data / "power" / "m100_flight_271.csv"))
+    columns = {name: np.array(values, dtype=float) for name, values in log["columns"].items()}
+    ((begin_s, end_s),) = log["flights"]
+    aloft = (columns["time_s"] >= begin_s) & (columns["time_s"] <= end_s)
+    doubted = columns["health"] == 0.0
+    assert 75 <= doubted.sum() <= 85
+    assert aloft[doubted].all()
+    assert np.isnan(columns["wind_north_mps"][doubted]).all()
+    assert np.isfinite(columns["wind_north_mps"][columns["health"] == 1.0]).all()
+    assert any("unknown at its end" in note for note in log["notes"])
 
 
 def test_units_and_zones_of_time_are_switched_and_said(flown, browser):

@@ -352,15 +352,9 @@ def _tell_prediction(made: Prediction) -> None:
 
 
 def _tell_wind(found: Replay, summary: WindSummary) -> None:
-    from skyway.link.replay.report import wind_basis
+    from skyway.link.replay.wind_words import wind_sentence
 
-    if not len(found.wind):
-        typer.echo(f"  wind: {wind_basis(found)}")
-        return
-    typer.echo(
-        f"  wind: {_wind(summary.mean_speed_mps, summary.mean_from_deg)} on average, ± "
-        f"{speed_text(float(found.wind.sigma_mps[-1]))} at the end ({wind_basis(found)})"
-    )
+    typer.echo(f"  wind: {wind_sentence(found)}")
     if (forecast := summary.forecast) is not None:
         typer.echo(
             f"  forecast: {_wind(forecast.speed_mps, forecast.from_deg)}; on average "

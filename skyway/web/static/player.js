@@ -222,7 +222,7 @@ export default {
         ["height", value(c.height_m[k], this.heightFactor, this.heightUnit, 0)],
         ["ground speed", value(c.ground_speed_mps[k], this.speedFactor, this.speedUnit)],
         ["charge", value(c.soc[k], 100, "%", 0)],
-        ["wind", wind === null ? "not measured" : `${(wind * this.speedFactor).toFixed(1)}${sure} ${this.speedUnit}${from}`],
+        ["wind", wind === null ? (c.health[k] === 0 ? "unknown" : "not measured") : `${(wind * this.speedFactor).toFixed(1)}${sure} ${this.speedUnit}${from}`],
         ["wind filter", health],
       ];
       return h("dl", { class: "figures", "aria-label": log.name }, [

@@ -21,8 +21,6 @@ if TYPE_CHECKING:
 MOST_ROWS = 20_000
 """Rows that a browser gets; of longer logs each second, third … row."""
 MOST_EVENTS = 2_000
-WIND_KEPT_S = 10.0
-"""For so long after a measurement the wind counts as known; then, as on the ground, it is unknown."""
 FIRST_S, LAST_S = 0.0, 253_370_764_800.0
 """POSIX seconds of 1970 and of 9999: times of a log outside these have no date."""
 NAMES = (
@@ -50,6 +48,7 @@ def shown(path: str) -> dict[str, Any]:
 def _log(file: Path) -> dict[str, Any]:
     """Process a log as ``skyway replay`` does."""
     from skyway.link.logs.reader import open_log
+    from skyway.link.replay.known_wind import KEPT_S
     from skyway.link.replay.replay import replay
 
     found = replay(open_log(file))
@@ -59,7 +58,7 @@ def _log(file: Path) -> dict[str, Any]:
     step = max(1, math.ceil(len(track) / MOST_ROWS))
     at = slice(None, None, step)
     apart_s = float(np.median(np.diff(track.time_s))) if len(track) > 1 else 0.0
-    wind = _wind_at(found.wind, track.time_s[at], max(WIND_KEPT_S, 3.0 * apart_s))
+    wind = _wind_at(found, track.time_s[at], max(KEPT_S, 3.0 * apart_s))
     columns = {
         "time_s": track.time_s[at],
         "lat": track["lat_deg"][at],
@@ -79,10 +78,10 @@ def _log(file: Path) -> dict[str, Any]:
 
 def _notes(found: Replay) -> list[str]:
     """What ``skyway replay`` says of a log as a whole."""
-    from skyway.link.replay.report import wind_basis
+    from skyway.link.replay.wind_words import wind_sentence
 
     summary = found.summary
-    told = [f"vehicle: {found.vehicle.kind} ({found.vehicle.told_by})", f"wind: {wind_basis(found)}"]
+    told = [f"vehicle: {found.vehicle.kind} ({found.vehicle.told_by})", f"wind: {wind_sentence(found)}"]
     told += [f"warning: {one}" for one in summary.time_base.doubts]
     if summary.skipped_bytes:
         told.append(f"warning: {counted(summary.skipped_bytes, 'byte')} of the file belong to no message")
@@ -91,21 +90,25 @@ def _notes(found: Replay) -> list[str]:
     return told
 
 
-def _wind_at(wind: Any, time_s: NDArray[np.float64], kept_s: float) -> dict[str, NDArray[np.float64]]:
-    """The estimated wind at some times: the last one before each, unless it is older than `kept_s`."""
+def _wind_at(found: Replay, time_s: NDArray[np.float64], kept_s: float) -> dict[str, NDArray[np.float64]]:
+    """The estimated wind at some times: the last one before each, unless it is older than `kept_s` or the filter is inconsistent."""
+    wind = found.wind
+    aloft = np.zeros(len(time_s), dtype=np.bool_)
+    for leg in found.legs:
+        aloft |= (time_s >= leg.start_s) & (time_s <= leg.end_s)
+    doubted = found.known.doubted(time_s)
+    health = np.where(doubted & aloft, 0.0, np.nan)
     if not len(wind):
         nothing = np.full(len(time_s), np.nan)
-        return dict.fromkeys(("wind_north_mps", "wind_east_mps", "wind_sigma_mps", "health"), nothing)
+        return dict.fromkeys(("wind_north_mps", "wind_east_mps", "wind_sigma_mps"), nothing) | {"health": health}
     last = np.searchsorted(wind.time_s, time_s, side="right") - 1
     begun = last >= 0
     last = np.maximum(last, 0)
-    known = begun & (time_s - wind.time_s[last] <= kept_s)
+    known = begun & (time_s - wind.time_s[last] <= kept_s) & ~doubted
     sigma = np.sqrt(np.maximum((wind.covariance[last, 0] + wind.covariance[last, 2]) / 2.0, 0.0))
-    columns = {
-        "wind_north_mps": wind.wind[last, 0], "wind_east_mps": wind.wind[last, 1], "wind_sigma_mps": sigma,
-        "health": wind.trusted[last].astype(float),
-    }  # fmt: skip
-    return {name: np.where(known, values, np.nan) for name, values in columns.items()}
+    columns = {"wind_north_mps": wind.wind[last, 0], "wind_east_mps": wind.wind[last, 1], "wind_sigma_mps": sigma}
+    shown = {name: np.where(known, values, np.nan) for name, values in columns.items()}
+    return shown | {"health": np.where(known, 1.0, health)}
 
 
 def _journal(file: Path) -> dict[str, Any]:

@@ -57,10 +57,50 @@ def test_replay_for_people_tells_legs_battery_wind_and_forecast(skyway, flight):
 
 def test_figures_for_people_have_the_digits_that_are_known(skyway, flight, tmp_path):
     text = skyway("replay", flight, "--wind", "5@143")
-    assert re.search(r"\n  wind: \d+\.\d m/s from \d{3}° on average, ± \d\.\d m/s at the end \(", text)
+    told = r"\n  wind: \d+\.\d m/s from \d{3}° on average, known for .+ of the flight; at its end \d+\.\d ± \d\.\d m/s from \d{3}° \("
+    assert re.search(told, text)
     assert re.search(r"\n  forecast: 5\.0 m/s from 143°; on average \d+\.\d m/s apart, \d+\.\d m/s RMS\n", text)
     (tmp_path / "table.csv").write_text("time_s,soc\n0,0.9\n1,0.8\n")
     assert "\n  0.0 to 1.0 by the table's time column\n" in skyway("replay", "table.csv")
+
+
+def test_a_wind_that_is_unknown_at_the_end_is_not_told_as_that_of_the_end(skyway, shared_data):
+    log = shared_data / "power" / "m100_flight_271.csv"
+    (line,) = [one for one in skyway("replay", log).splitlines() if one.startswith("  wind:")]
+    told = json.loads(skyway("replay", log, "--json"))
+    summary = told["wind_summary"]
+    last = summary["last_known"]
+    assert not summary["known_at_end"]
+    assert last["t"] == told["wind"][-1]["t"] < told["legs"][-1]["end"] - 60.0
+    assert summary["known_share"] == pytest.approx(
+        1.0 - summary["inconsistent_s"] / told["legs"][-1]["time_s"], abs=0.02
+    )
+    assert (
+        f"known for {100 * summary['known_share']:.0f} % of the flight; unknown at its end, last known at 0:00:57:"
+        in line
+    )
+    assert f": {last['speed_mps']:.1f} ± {last['sigma_mps']:.1f} m/s from {last['from_deg']:03.0f}°" in line
+
+
+def test_a_flight_that_ends_in_a_known_wind_says_so(skyway, flight):
+    summary = json.loads(skyway("replay", flight, "--json"))["wind_summary"]
+    assert summary["known_at_end"]
+    assert summary["known_share"] > 0.95
+    assert summary["inconsistent_s"] == 0
+
+
+def test_a_replay_cut_off_while_the_filter_is_inconsistent_knows_no_wind_at_its_end(skyway, shared_data):
+    log = shared_data / "power" / "m100_flight_271.csv"
+    early = json.loads(skyway("replay", log, "--to", "0:00:50", "--drag", _drag(skyway, log), "--json"))["wind_summary"]
+    late = json.loads(skyway("replay", log, "--to", "0:01:20", "--drag", "drag.toml", "--json"))["wind_summary"]
+    assert early["known_at_end"]
+    assert not late["known_at_end"]
+    assert early["known_share"] > late["known_share"]
+
+
+def _drag(skyway, log):
+    skyway("calibrate", "wind", log, "-o", "drag.toml")
+    return "drag.toml"
 
 
 def test_a_package_is_of_a_drone(skyway, flight):
