@@ -19,10 +19,12 @@ import numpy as np
 from skyway.link.logs.common.log import LogSummary
 from skyway.link.logs.common.messages import euler
 from skyway.link.logs.common.vehicle_kind import KINDS, Vehicle
+from skyway.link.logs.csv_units import TIME_UNITS, UnitCheck
 from skyway.models.base.errors import Fault, InputError
 from skyway.models.base.fields import Table, finite, read_toml
 from skyway.models.base.files import file_error
 from skyway.models.base.units import parse_instant
+from skyway.models.base.views import counted
 from skyway.models.drones.telemetry import QUANTITIES, TelemetryTrack, TimeBase, believable
 
 if TYPE_CHECKING:
@@ -38,7 +40,6 @@ PIECE_ROWS = 10_000
 MAX_LINE = 1_000_000
 EPOCH_1990_S = 631_152_000.0
 """Times below this are not POSIX seconds."""
-TIME_UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6}
 _TIME_NAMES = {"time_utc": "iso", "time_s": "s", "time": "s", "timestamp": "s"}
 
 
@@ -133,7 +134,8 @@ class CsvLog:
     """A table of telemetry of one vehicle: read once piece by piece to check it, and again for each use.
 
     The meaning of columns is derived from the header if `columns` does not give it. Raises an `InputError` if there is
-    no table, or if a column is missing.
+    no table, or if a column is missing. `wrong_time` and `wrong_power` are sentences for a person if the values of those
+    columns cannot be in their unit.
     """
 
     def __init__(self, path: Path, columns: LogColumns | None = None) -> None:
@@ -162,13 +164,16 @@ class CsvLog:
         first = latest = math.nan
         payloads: list[float] = []
         hangs: set[float] = set()
+        check = UnitCheck()
         for kept, lost, held, told in self._kept():
             skipped += sum(len(",".join(row)) + 1 for row in lost)
             if not kept:
                 continue
             back += int((held != told).sum())
             first, latest = float(held[0]) if math.isnan(first) else first, float(held[-1])
-            hanging = self._values(kept).get("fixed_wing", np.empty(0))
+            values = self._values(kept)
+            check.add(held, values)
+            hanging = values.get("fixed_wing", np.empty(0))
             hangs |= set(np.unique(hanging[np.isfinite(hanging)])[:4].tolist())
             if self._columns.payload is not None:
                 known = self._numbers(kept, self._columns.payload)
@@ -176,8 +181,15 @@ class CsvLog:
             count += len(kept)
         self.payload_kg = float(np.median(payloads)) if payloads else math.nan
         doubts: tuple[str, ...] = (
-            (f"{back} rows are earlier than their predecessors; the predecessors' times are used",) if back else ()
+            (f"{counted(back, 'row')} {'is' if back == 1 else 'are'} earlier than the row before, whose time is used",)
+            if back
+            else ()
         )
+        vehicle = self._vehicle(hangs)
+        names = {name: one.column for name, one in self._columns.quantities.items()}
+        self.wrong_time = check.wrong_time(self._columns.time, self._columns.time_unit)
+        self.wrong_power = check.wrong_power(vehicle.kind, names)
+        doubts += tuple(one for one in (self.wrong_time, self.wrong_power) if one is not None)
         if not self._absolute:
             doubts += ("the times are relative to the start of the log",)
         self.summary = LogSummary(
@@ -190,7 +202,7 @@ class CsvLog:
             time_base=TimeBase("the table's time column", bool(self._absolute), doubts),
             start_s=first,
             end_s=latest,
-            vehicles={1: self._vehicle(hangs)},
+            vehicles={1: vehicle},
         )
 
     def _kept(self) -> Iterator[tuple[list[list[str]], list[list[str]], NDArray[np.float64], NDArray[np.float64]]]:

@@ -38,6 +38,8 @@ LONGEST_GAP_S = 0.5
 MIN_MASS_SPREAD = 1.03
 """With masses closer together than this ratio an exponent, or an offset, cannot be fitted."""
 DEFAULT_KAPPA = 1.5
+LEAST_W_PER_KG, MOST_W_PER_KG = 20.0, 3000.0
+"""Mean power in flight: of rotors that carry 10 N/m2, far below any multirotor's, and of a racing quadcopter at full throttle."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -119,6 +121,7 @@ def power_record(name: str, track: TelemetryTrack, mass_kg: float) -> PowerRecor
         "cruise": on & (np.abs(climb) <= VERTICAL_MPS),
         "descent": on & (climb < -VERTICAL_MPS),
     }
+    _refuse_impossible_power(name, float(np.average(power[on], weights=duration[on])), mass_kg)
     return PowerRecord(
         name,
         mass_kg,
@@ -126,6 +129,15 @@ def power_record(name: str, track: TelemetryTrack, mass_kg: float) -> PowerRecor
         {phase: float((duration * power)[chosen].sum()) for phase, chosen in where.items()},
         float(duration[~on].sum()),
     )
+
+
+def _refuse_impossible_power(name: str, mean_w: float, mass_kg: float) -> None:
+    """Raise an `InputError` if no multirotor of the mass flies on the power."""
+    low, high = mass_kg * LEAST_W_PER_KG, mass_kg * MOST_W_PER_KG
+    if not low <= mean_w <= high:
+        problem = f"has {mean_w:.3g} W on average in flight, where a multirotor of {mass_kg:g} kg needs {low:,.0f} to {high:,.0f} W"
+        remedy = "check the unit of its power and --mass"
+        raise InputError(Fault(problem, name, remedy=remedy))
 
 
 def fit_energy(records: Sequence[PowerRecord], name: ModelName, drone: Drone, air_density_kg_m3: float) -> EnergyFit:

@@ -149,6 +149,13 @@ def open_any(path: Path, columns: Path | None) -> Log:
     return opened
 
 
+def refuse_wrong_units(log: Log, path: Path, *names: str) -> None:
+    """Refuse a table whose times (``wrong_time``) or power (``wrong_power``) cannot be in their unit."""
+    for name in names:
+        if (problem := getattr(log, name, None)) is not None:
+            raise InputError(problem, str(path), remedy="map it with --columns (docs/how-to/replay.md, Tables)")
+
+
 def towards(text: str) -> tuple[float, float]:
     """Read ``SPEED@FROM`` as (north, east) TOWARDS, m/s."""
     from skyway.models.wind.triangle import vector

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Literal, cast
 import typer
 
 from skyway.cli import options
-from skyway.cli.log_options import Columns, LogFile, System, VehicleKind, open_any, towards
+from skyway.cli.log_options import Columns, LogFile, System, VehicleKind, open_any, refuse_wrong_units, towards
 from skyway.models.base.errors import Fault, InputError, one_line
 from skyway.models.base.formatting import percent
 from skyway.models.base.json_text import json_text
@@ -56,6 +56,7 @@ def calibrate_wind(
 
     options.refuse_overwriting(output, force=force)
     opened = open_any(log, columns)
+    refuse_wrong_units(opened, log, "wrong_time")
     chosen = choose_system(opened.summary, system)
     what = vehicle_of(opened.summary, chosen, cast("Kind | None", vehicle))
     nothing = no_wind(what)
@@ -230,6 +231,7 @@ def _record(
     from skyway.models.drones.telemetry import TelemetryTrack
 
     opened = open_any(path, columns)
+    refuse_wrong_units(opened, path, "wrong_time", "wrong_power")
     if payload is not None and len(payload) not in (1, count):
         raise InputError(Fault("must be given once, or once per log", field="--payload", value=len(payload)))
     if payload is not None:

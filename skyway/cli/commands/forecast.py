@@ -127,6 +127,7 @@ def _observations(path: Path, columns: Path | None, asked: ReplayOptions) -> lis
     from skyway.link.replay.replay import replay
 
     log = open_any(path, columns)
+    log_options.refuse_wrong_units(log, path, "wrong_time")
     log_options.dated(log, path)
     found: list[WindObservation] = []
     for system in log.summary.systems:

@@ -103,6 +103,58 @@ def _drag(skyway, log):
     return "drag.toml"
 
 
+def _in_other_units(log, path, column, factor):
+    """Write a table with a column in another unit."""
+    header, *rows = list(csv.reader(log.open()))
+    place = header.index(column)
+    changed = [[repr(float(cell) * factor) if at == place else cell for at, cell in enumerate(row)] for row in rows]
+    with path.open("w", newline="") as stream:
+        csv.writer(stream).writerows([header, *changed])
+    return path
+
+
+@pytest.mark.parametrize(
+    ("column", "factor", "told"),
+    [
+        (
+            "y",
+            1e-3,
+            "column y has 0.47 W on average in flight, less than any multirotor needs: it is probably in kilowatts",
+        ),
+        ("y", 1e3, "column y has 46"),
+        (
+            "time",
+            1e3,
+            'column time is probably in milliseconds (time_unit = "ms" with --columns): in seconds the speeds give 99',
+        ),
+        (
+            "time",
+            1e6,
+            'column time is probably in microseconds (time_unit = "us" with --columns): in seconds the speeds give 99',
+        ),
+    ],
+)
+def test_a_column_in_another_unit_is_told_and_not_calibrated_with(skyway, shared_data, tmp_path, column, factor, told):
+    log = shared_data / "power" / "m100_flight_271.csv"
+    assert skyway("replay", log).count("warning:") == 1
+    wrong = _in_other_units(log, tmp_path / "wrong.csv", column, factor)
+    assert f"\n  warning: {told}" in skyway("replay", wrong)
+    assert f": {told}" in skyway("calibrate", "energy", wrong, "--mass", "3.68", code=2)
+
+
+def test_rows_seconds_apart_are_told_without_any_position(skyway, tmp_path):
+    rows = "".join(f"{100 * number},10,0.0\n" for number in range(30))
+    (tmp_path / "table.csv").write_text(f"time_s,height_m,vel_down_mps\n{rows}")
+    told = 'column time_s is probably in milliseconds (time_unit = "ms" with --columns): in seconds there is one row every 100 s'
+    assert f"warning: {told}\n" in skyway("replay", "table.csv")
+
+
+def test_a_multirotor_is_not_calibrated_with_a_power_that_its_mass_cannot_fly_on(skyway, shared_data):
+    log = shared_data / "power" / "m100_flight_271.csv"
+    told = skyway("calibrate", "energy", log, "--mass", "36.8", "--id", "big", code=2)
+    assert "has 465 W on average in flight, where a multirotor of 36.8 kg needs 736 to 110,400 W" in told
+
+
 def test_a_package_is_of_a_drone(skyway, flight):
     told = skyway("replay", flight, "--payload", "5", code=2)
     assert told == "skyway: --payload: needs --drone (got '5.0'); name the drone that carries it\n"
@@ -211,7 +263,7 @@ def test_sensors_that_give_no_numbers_measure_no_wind(skyway, tmp_path):
 
 def test_times_that_go_backwards_are_held_and_said(skyway, tmp_path):
     (tmp_path / "back.csv").write_text("time_s,roll_rad,soc\n2,0.1,0.9\n1,0.2,0.8\n3,0.3,0.7\n")
-    assert "1 rows are earlier than their predecessors" in skyway("replay", "back.csv")
+    assert "1 row is earlier than the row before, whose time is used" in skyway("replay", "back.csv")
 
 
 def test_a_log_under_a_wrong_name_is_read_and_said_so(capsys, flight, tmp_path):
