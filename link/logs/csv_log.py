@@ -22,7 +22,8 @@ from skyway.link.logs.common.vehicle_kind import KINDS, Vehicle
 from skyway.link.logs.csv_units import TIME_UNITS, UnitCheck
 from skyway.models.base.errors import Fault, InputError
 from skyway.models.base.fields import Table, finite, read_toml
-from skyway.models.base.files import file_error
+from skyway.models.base.files import AS_UTF8, file_error, is_utf16
+from skyway.models.base.table import TableReader
 from skyway.models.base.units import parse_instant
 from skyway.models.base.views import counted
 from skyway.models.drones.telemetry import QUANTITIES, TelemetryTrack, TimeBase, believable
@@ -231,7 +232,7 @@ class CsvLog:
         try:
             opener = gzip.open if self._path.suffix == ".gz" else open
             with opener(self._path, "rt", encoding="utf-8-sig", newline="") as stream:
-                reader = csv.reader(_lines(cast("TextIO", stream)))
+                reader = TableReader(_lines(cast("TextIO", stream)), str(self._path))
                 header = next(reader, None)
                 if header is None:
                     raise InputError(Fault("is empty", str(self._path)))
@@ -241,7 +242,8 @@ class CsvLog:
         except csv.Error as error:
             raise InputError(Fault(f"is not CSV: {error}", str(self._path))) from error
         except UnicodeDecodeError as error:
-            raise InputError(Fault(f"is not UTF-8 text (byte {error.start})", str(self._path))) from error
+            problem = "is UTF-16 text" if is_utf16(error.object) else f"is not UTF-8 text (byte {error.start})"
+            raise InputError(Fault(problem, str(self._path), remedy=AS_UTF8)) from error
         except (OSError, EOFError, zlib.error) as error:
             raise file_error("read", self._path, error) from error
 

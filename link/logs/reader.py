@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from skyway.models.base.errors import Fault, InputError
-from skyway.models.base.files import file_error
+from skyway.models.base.files import AS_UTF8, file_error, is_utf16
 from skyway.models.base.lazy import load
 from skyway.models.base.views import counted
 
@@ -109,6 +109,8 @@ def format_of(path: Path) -> str:
         raise file_error("read", path, error) from error
     if not head:
         raise InputError(Fault("is empty", str(path)))
+    if is_utf16(head):
+        raise InputError(Fault("is UTF-16 text", str(path), remedy=AS_UTF8))
     whole = (name for name, one in FORMATS.items() if one.begins(head, path))
     named = (name for name, one in FORMATS.items() if path.suffix.lower() == f".{one.suffix}" and name != "csv")
     damaged = (name for name, one in FORMATS.items() if one.within is not None and one.within(head))

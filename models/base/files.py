@@ -79,17 +79,30 @@ def read_bytes(path: Path, *, max_bytes: int) -> bytes:
     return bytes(data)
 
 
+AS_UTF8 = "save it with the encoding UTF-8"
+
+
 def read_text(path: Path, *, max_bytes: int) -> str:
     """Read a UTF-8 text file (a byte-order mark is dropped) of at most `max_bytes`, without NUL."""
     data = read_bytes(path, max_bytes=max_bytes)
+    if is_utf16(data):
+        raise InputError("is UTF-16 text", str(path), remedy=AS_UTF8)
     nul = data.find(0)
-    if nul >= 0 and not data.startswith((b"\xff\xfe", b"\xfe\xff")):
+    if nul >= 0:
         raise InputError(f"is not text: byte {nul} is NUL", str(path))
     try:
         return data.decode("utf-8-sig")
     except UnicodeDecodeError as error:
         problem = f"is not UTF-8 text (byte {error.start})"
-        raise InputError(problem, str(path), remedy="save it with the encoding UTF-8") from error
+        raise InputError(problem, str(path), remedy=AS_UTF8) from error
+
+
+def is_utf16(data: bytes) -> bool:
+    """Whether bytes are the beginning of a text in UTF-16: its byte-order mark, or every second byte NUL."""
+    if data.startswith((b"\xff\xfe", b"\xfe\xff")):
+        return True
+    head = data[:200]
+    return len(head) >= 4 and any(not any(head[odd::2]) and all(head[1 - odd :: 2]) for odd in (0, 1))
 
 
 def write_atomically(path: Path, content: str | bytes, *, force: bool = False) -> None:

@@ -11,16 +11,17 @@ import io
 import math
 import re
 from dataclasses import dataclass
-from itertools import islice
+from itertools import chain, islice
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from skyway.models.base import files
 from skyway.models.base.errors import Fault, InputError
+from skyway.models.base.views import counted
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Sequence
+    from collections.abc import Callable, Iterable, Iterator, Sequence
     from pathlib import Path
 
     from numpy.typing import NDArray
@@ -29,6 +30,7 @@ MAX_BYTES = 64_000_000
 MAX_ROWS = 5_000_000
 _CHUNK_ROWS = 5_000
 _KNOWN_TEXTS = 100_000
+_DECIMAL_COMMA = re.compile(r"\s*[-+]?\d+,\d+\s*")
 LISTED_FAULTS = 20
 HOPELESS_FAULTS = 100_000
 
@@ -122,6 +124,43 @@ class Chunk:
         return np.fromiter(map(values.__getitem__, texts), np.float64, len(texts))
 
 
+class TableReader:
+    """Rows of a table whose cells are separated by commas, or by semicolons if the header has these and no comma.
+
+    Raises an `InputError` at a number with a decimal comma between semicolons.
+    """
+
+    def __init__(self, lines: Iterable[str], file: str) -> None:
+        self._file = file
+        stream = iter(lines)
+        first = list(_until_header(stream))
+        self.semicolons = bool(first) and ";" in first[-1] and "," not in first[-1]
+        self._reader = csv.reader(chain(first, stream), delimiter=";" if self.semicolons else ",")
+
+    @property
+    def line_num(self) -> int:
+        """Line of the latest row, counted from 1."""
+        return self._reader.line_num
+
+    def __iter__(self) -> TableReader:
+        return self
+
+    def __next__(self) -> list[str]:
+        row = next(self._reader)
+        if self.semicolons and (wrong := next(filter(_DECIMAL_COMMA.fullmatch, row), None)) is not None:
+            problem, remedy = "has a decimal comma between semicolons", "write decimal points"
+            raise InputError(problem, self._file, self.line_num, value=wrong.strip(), remedy=remedy)
+        return row
+
+
+def _until_header(stream: Iterator[str]) -> Iterator[str]:
+    """Lines up to the first that is not blank."""
+    for line in stream:
+        yield line
+        if line.strip():
+            return
+
+
 def read_table(
     path: Path, required: Sequence[str] | None, faults: FaultCollector, *, optional: Sequence[str] = ()
 ) -> Iterator[Chunk]:
@@ -130,7 +169,7 @@ def read_table(
     Without `required` all columns are given, in the order of the file. An `InputError` refuses a file above 64 MB or 5
     million rows, empty, without rows, or without a required column.
     """
-    reader = csv.reader(io.StringIO(_text(path), newline=""))
+    reader = TableReader(io.StringIO(_text(path), newline=""), str(path))
     try:
         header = next((row for row in reader if any(cell.strip() for cell in row)), None)
         places = _places(header, required, optional, faults)
@@ -164,7 +203,7 @@ def _whole(
     kept = [number for number, row in enumerate(rows) if len(row) == width]
     for line, row in zip(lines, rows, strict=True):
         if row and len(row) != width:
-            problem = f"has {len(row)} cells where the header has {width}"
+            problem = f"has {counted(len(row), 'cell')} where the header has {width}"
             faults.add(problem, "one cell for each column", line=line)
     return [lines[number] for number in kept], [rows[number] for number in kept]
 
@@ -191,8 +230,8 @@ def _places(
     names = [cell.strip() for cell in header]
     required = names if required is None else required
     has = "the file has the columns " + ", ".join(names)
-    if len(names) == 1 and re.search(r"[;\t]", names[0]):
-        has = "the columns must be separated by commas"
+    if len(names) == 1 and "\t" in names[0]:
+        has = "they are separated by tabs: separate them by commas or semicolons"
     for name in required:
         if name not in names:
             faults.add("no such column", has, line=1, field=name)

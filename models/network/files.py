@@ -13,6 +13,8 @@ from skyway.models.base.fields import finite
 from skyway.models.base.files import read_text, write_atomically
 from skyway.models.base.geodesy import coordinate_faults, line_geometry
 from skyway.models.base.json_text import json_text
+from skyway.models.base.table import TableReader
+from skyway.models.base.views import counted
 from skyway.models.network.geojson import features, read_geojson
 from skyway.models.network.station import Station
 from skyway.models.queues.opening_hours import opening_hours
@@ -186,7 +188,7 @@ def _station(row: _Row, pads: int, holding_spots: int) -> Station:
 def _csv_rows(path: Path, needed: Sequence[str], faults: list[Fault]) -> Iterator[tuple[Fault, Mapping[str, str]]]:
     """(place, cells by column) of each row that is not blank; rows that do not fit the header are faults."""
     place = Fault("", str(path))
-    reader = csv.reader(io.StringIO(read_text(path, max_bytes=MAX_BYTES), newline=""))
+    reader = TableReader(io.StringIO(read_text(path, max_bytes=MAX_BYTES), newline=""), str(path))
     try:
         header = [name.strip() for name in next(reader, [])]
         remedy = "the header has " + ", ".join(header) if header else "the file is empty"
@@ -202,7 +204,7 @@ def _csv_rows(path: Path, needed: Sequence[str], faults: list[Fault]) -> Iterato
             if len(cells) == len(header):
                 yield here, dict(zip(header, cells, strict=True))
             else:
-                faults.append(replace(here, problem=f"has {len(cells)} cells, the header has {len(header)}"))
+                faults.append(replace(here, problem=f"has {counted(len(cells), 'cell')}, the header has {len(header)}"))
     except csv.Error as error:
         raise InputError(f"is not CSV: {error}", str(path), reader.line_num) from error
 

@@ -350,6 +350,27 @@ def test_a_csv_with_our_names_needs_no_mapping(tmp_path):
     assert any("earlier" in doubt for doubt in log.summary.time_base.doubts)
 
 
+def test_a_csv_separated_by_semicolons_is_the_same_log(tmp_path):
+    text = "time_s,roll_rad,soc\n0.0,0.1,0.9\n0.1,,0.8\n"
+    tracks = []
+    for name, table in (("commas.csv", text), ("semicolons.csv", text.replace(",", ";"))):
+        (tmp_path / name).write_text(table)
+        tracks.append(one_track(tmp_path / name))
+    assert np.array_equal(tracks[0].values, tracks[1].values, equal_nan=True)
+    (tmp_path / "decimal.csv").write_text("time_s;roll_rad;soc\n0;0;0,9\n")
+    with pytest.raises(
+        InputError, match="decimal.csv:2: has a decimal comma between semicolons .*0,9.*; write decimal points"
+    ):
+        open_log(tmp_path / "decimal.csv")
+
+
+@pytest.mark.parametrize("encoding", ["utf-16", "utf-16-le", "utf-16-be"])
+def test_a_csv_in_utf_16_is_named_as_such(tmp_path, encoding):
+    (tmp_path / "log.csv").write_bytes("time_s,roll_rad,soc\n0.0,0.1,0.9\n".encode(encoding))
+    with pytest.raises(InputError, match="log.csv: is UTF-16 text; save it with the encoding UTF-8"):
+        open_log(tmp_path / "log.csv")
+
+
 def test_a_position_of_zero_zero_and_a_power_beyond_numbers_are_unknown(tmp_path):
     path = tmp_path / "log.csv"
     path.write_text("time_s,lat_deg,lon_deg,voltage_v,current_a\n0,0,0,1e308,10\n1,0,8,22,10\n2,47,0,22,10\n")

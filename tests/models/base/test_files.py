@@ -121,7 +121,7 @@ def test_a_byte_order_mark_is_dropped(tmp_path):
     ("data", "problem"),
     [
         ("Spital Zürich".encode("latin-1"), r"is not UTF-8 text \(byte 8\); save it with the encoding UTF-8"),
-        ("id,lat".encode("utf-16"), "is not UTF-8 text"),
+        ("id,lat".encode("utf-16"), "is UTF-16 text; save it with the encoding UTF-8"),
         (b"id,l\0at", "is not text: byte 4 is NUL"),
     ],
 )

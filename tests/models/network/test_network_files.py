@@ -223,15 +223,15 @@ def test_a_wrong_power_is_refused(tmp_path):
     [
         ("", "stations.csv:1: id: column is missing; the file is empty"),
         (HEADER, "stations.csv: has no stations"),
-        ("id;lat;lon\nx;40.8;-73.9\n", "stations.csv:1: id: column is missing; the header has id;lat;lon"),
+        ("id;lat;lon\nx;40,8;-73,9\n", "stations.csv:2: has a decimal comma between semicolons (got '40,8')"),
         ("id,lat,lon,lat\nx,1,2,3\n", "stations.csv:1: lat: two columns have this name"),
         (HEADER + "x,N,40.8,-73.9\0,1,5\n", "stations.csv: is not text: byte 47 is NUL"),
         (HEADER.encode() + b"x,Z\xfcrich,40,8,1,5", "stations.csv: is not UTF-8 text (byte 36); save it with"),
-        ((HEADER + GOOD).encode("utf-16"), "stations.csv: is not UTF-8 text (byte 0); save it with"),
+        ((HEADER + GOOD).encode("utf-16"), "stations.csv: is UTF-16 text; save it with the encoding UTF-8"),
         (HEADER + "x," + "y" * 200_000 + ",40.8,-73.9,1,5\n", "stations.csv:2: is not CSV: field larger than"),
-        (HEADER + GOOD + '"x,N,40.8,-73.9,1,5\n', "stations.csv:3: has 1 cells"),
+        (HEADER + GOOD + '"x,N,40.8,-73.9,1,5\n', "stations.csv:3: has 1 cell,"),
     ],
-    ids=["empty", "no rows", "semicolons", "double column", "NUL", "latin-1", "UTF-16", "huge cell", "open quote"],
+    ids=["empty", "no rows", "decimal commas", "double column", "NUL", "latin-1", "UTF-16", "huge cell", "open quote"],
 )
 def test_what_is_no_table_of_stations_is_refused(tmp_path, text, said):
     assert said_of(tmp_path, text)[0].startswith(said)

@@ -342,6 +342,16 @@ def test_an_unknown_site_is_named_once_with_the_sites_there_are(tmp_path):
     assert len(caught.value.faults) == 1
 
 
+def test_a_record_separated_by_semicolons_is_the_same(tmp_path):
+    table = "time,speed_mps,from_deg\n2013-07-01T00:00Z,2.5,30\n2013-07-01T01:00Z,3,40\n"
+    found = []
+    for name, text in (("commas.csv", table), ("semicolons.csv", table.replace(",", ";"))):
+        (tmp_path / name).write_text(text)
+        found.append(read_history(tmp_path / name, ALONE, PLACE, 10.0))
+    assert np.array_equal(found[0].north, found[1].north)
+    assert np.isfinite(found[0].north).all()
+
+
 @pytest.mark.parametrize(
     ("text", "message"),
     [
@@ -352,7 +362,11 @@ def test_an_unknown_site_is_named_once_with_the_sites_there_are(tmp_path):
             "time,speed,from\n1,2,3\n",
             r"speed_mps: no such column; the file has the columns time, speed, from",
         ),
-        ("time;speed_mps;from_deg\n1;2;3\n", "must be separated by commas"),
+        ("time\tspeed_mps\tfrom_deg\n1\t2\t3\n", "separated by tabs"),
+        (
+            "time;speed_mps;from_deg\n2013-07-01T00:00Z;2,5;3\n",
+            "wind.csv:2: has a decimal comma between semicolons .*2,5",
+        ),
         ("time,speed_mps,speed_mps,from_deg\n1,2,2,3\n", "the column appears twice"),
         ("time,speed_mps,from_deg\n2013-07-01T00:00Z,NA,NA\n", "no row with both a speed and a direction"),
         ("time,speed_mps,from_deg\n1850-01-01T00:00Z,1,1\n2013-01-01T00:00Z,1,1\n", "too long a time"),
