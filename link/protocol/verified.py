@@ -25,6 +25,7 @@ from skyway.missions.items.geofence import Geofence
 from skyway.missions.items.mission import Mission
 from skyway.missions.items.rally import RallyPoints
 from skyway.models.base.errors import InputError
+from skyway.models.base.views import how_often
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -243,7 +244,7 @@ class _Run:
         self, before: tuple[WireItem, ...] | None, found: tuple[WireItem, ...], reason: str, concerned: tuple[int, ...]
     ) -> Steps[UploadOutcome]:
         """Restore the vehicle's old contents, if possible."""
-        job, why = self.job, reason or f"what was read back differs {self.attempts} times"
+        job, why = self.job, reason or f"what was read back differs {how_often(self.attempts)}"
         differences = self.differences
         if before is not None and self._same(before, found):
             return self.outcome(UploadState.REFUSED, "what it held before", why, concerned)

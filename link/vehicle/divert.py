@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 from skyway.models.base.errors import Fault, InputError, VehicleTimeoutError
 from skyway.models.base.formatting import distance_text, duration
 from skyway.models.base.geodesy import distance_m
+from skyway.models.base.views import how_often
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -152,7 +153,9 @@ class Diversion:
             self._overdue(f"it is still {distance_text(away)} away")
         elif away > ARRIVED_M and sample.time_s > self._closer_s + STALLED_S:
             if self._orders >= _ORDERS:
-                self._overdue(f"it stays {distance_text(away)} away, though it was sent there {self._orders} times")
+                self._overdue(
+                    f"it stays {distance_text(away)} away, though it was sent there {how_often(self._orders)}"
+                )
                 return
             self._closer_s = sample.time_s
             self._order_again()

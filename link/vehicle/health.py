@@ -17,6 +17,7 @@ from skyway.link.protocol.command import AskFor
 from skyway.link.protocol.parameters import ReadParameters
 from skyway.models.base.errors import VehicleTimeoutError
 from skyway.models.base.formatting import percent, with_unit
+from skyway.models.base.views import how_often
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -309,7 +310,7 @@ def vibration(flown: Vibration | None, family: Family) -> HealthItem:
     if flown is None or not math.isfinite(flown.worst_mps2):
         return HealthItem("vibration", "unknown", "skyway has not watched a flight of it yet", needed=False)
     raised, most = family.vibration_mps2
-    said = f"{with_unit(flown.worst_mps2, 'm/s²', 1)} on the last flight, {flown.clips} times at the limit of an accelerometer"
+    said = f"{with_unit(flown.worst_mps2, 'm/s²', 1)} on the last flight, {how_often(flown.clips)} at the limit of an accelerometer"
     if flown.worst_mps2 >= most or flown.clips > _CLIPS:
         return HealthItem("vibration", "no", f"{said}; {most:g} m/s² and {_CLIPS} times at most")
     return HealthItem(

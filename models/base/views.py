@@ -22,6 +22,11 @@ def counted(number: int, noun: str) -> str:
     return f"{number:,} {noun}" + ("" if number == 1 else "s")
 
 
+def how_often(number: int) -> str:
+    """Return a number of times: ``once``, ``2 times``."""
+    return "once" if number == 1 else f"{number:,} times"
+
+
 def leg_rows(composition: Composition) -> list[dict[str, Any]]:
     """Return one row for each leg, in flying order, with the stop that follows it."""
     stops = {(stop.station, stop.arrive): stop for stop in composition.stops}

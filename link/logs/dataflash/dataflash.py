@@ -20,6 +20,7 @@ from skyway.link.logs.common.vehicle_kind import WATCHED, KindEvidence
 from skyway.link.logs.dataflash import dataflash_kernels as kernels
 from skyway.link.logs.dataflash.events import EVENT_TYPES, DataFlashEvents
 from skyway.link.logs.dataflash.messages import ESTIMATES, SPOKEN, doubting, hovering, quantities
+from skyway.models.base.views import counted
 from skyway.models.drones.telemetry import TimeBase
 
 if TYPE_CHECKING:
@@ -261,7 +262,7 @@ class DataFlash:
         by_type = self._names()
         doubts: tuple[str, ...] = ()
         if self._odd_stamps:
-            doubts += (f"{self._odd_stamps} messages have times far from their neighbours' and are ignored",)
+            doubts += (f"{counted(self._odd_stamps, 'message')} ignored: the time is far from the neighbours'",)
         base = TimeBase("the autopilot's clock, set by GPS", doubts=doubts)
         if self._zero_s is None:
             doubts = ("no GPS time was logged: times count from the start of the autopilot", *doubts)

@@ -16,6 +16,7 @@ from skyway.link.logs.tlog.events import TlogEvents
 from skyway.link.logs.tlog.stamps import StampCheck
 from skyway.link.logs.tlog.tlog import read_frames, scan
 from skyway.models.base.formatting import duration
+from skyway.models.base.views import counted, how_often
 from skyway.models.drones.telemetry import TimeBase
 
 if TYPE_CHECKING:
@@ -115,7 +116,7 @@ class Tlog:
         for system, clock in sorted(self._clocks.items()):
             if clock.returns > RETURNS:
                 found.append(
-                    f"the clock of vehicle {system} goes back {clock.returns:,} times: several vehicles have this system id, and all "
+                    f"the clock of vehicle {system} goes back {how_often(clock.returns)}: several vehicles have this system id, and all "
                     "figures mix them; give each its own (SYSID_THISMAV or MAV_SYS_ID) before they are recorded together"
                 )
             elif abs(clock.own_s - clock.recorder_s) > max(CLOCK_S, CLOCK_SHARE * clock.recorder_s):
@@ -152,22 +153,24 @@ def _doubts(check: StampCheck, index: TlogIndex, climbs: Mapping[int, float]) ->
     ]
     if check.held:
         doubts.append(
-            f"{check.held} time stamps are up to {check.JITTER_S:g} s before their predecessors; the predecessors' times are used"
+            f"{counted(check.held, 'time stamp')} up to {check.JITTER_S:g} s too early: the time before is used instead"
         )
     if check.set_back:
         most = max(check.set_back)
         doubts.append(
-            f"the clock was set back {len(check.set_back)} times, by up to {duration(most)}; later times are shifted"
+            f"the clock was set back {how_often(len(check.set_back))}, by {'up to ' * (len(check.set_back) > 1)}{duration(most)}; later times are shifted"
         )
     if index.forward.steps:
         steps_s = [by_s for _, by_s in index.forward.steps]
-        often = "once" if len(steps_s) == 1 else f"{len(steps_s)} times"
+        often = how_often(len(steps_s))
         doubts.append(
             f"the recorder's clock was set forward {often} while the vehicle's ran on, by {_span(max(steps_s))}"
             f"{' at most' if len(steps_s) > 1 else ''}; later times are shifted back, so the date is that of the clock before"
         )
     if check.disbelieved:
-        doubts.append(f"{check.disbelieved} time stamps are far from their neighbours; the previous ones are used")
+        doubts.append(
+            f"{counted(check.disbelieved, 'time stamp')} far from {'its' if check.disbelieved == 1 else 'their'} neighbours; the time before is used instead"
+        )
     if index.first_s < 946_684_800.0:
         doubts.append("the clock is before the year 2000, so it was probably never set")
     return tuple(doubts)

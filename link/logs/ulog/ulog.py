@@ -18,6 +18,7 @@ from skyway.link.logs.ulog.px4_events import EventWords
 from skyway.models.base.errors import Fault, InputError
 from skyway.models.base.files import file_error
 from skyway.models.base.formatting import duration
+from skyway.models.base.views import counted, how_often
 from skyway.models.drones.telemetry import TimeBase
 
 if TYPE_CHECKING:
@@ -150,9 +151,9 @@ class ULogFile:
         doubts = self._time_base.doubts
         if self._log.dropouts:
             lost = self._log.dropouts_ms / 1000.0
-            doubts += (f"the logger lost data {self._log.dropouts} times, {duration(lost)} in all",)
+            doubts += (f"the logger lost data {how_often(self._log.dropouts)}, {duration(lost)} in all",)
         if self._odd_stamps:
-            doubts += (f"{self._odd_stamps} messages have times far from their neighbours' and are ignored",)
+            doubts += (f"{counted(self._odd_stamps, 'message')} ignored: the time is far from the neighbours'",)
         first_us, last_us = self._range_us
         told, spans = self._events.texts(self._log.texts, EventWords(self._log.event_metadata))
         return LogSummary(

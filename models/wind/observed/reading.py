@@ -16,7 +16,7 @@ from skyway.models.base.files import read_text
 from skyway.models.base.formatting import place_text, speed_text, wind_text
 from skyway.models.base.geodesy import coordinate_faults
 from skyway.models.base.table import FaultCollector, Problem, read_table
-from skyway.models.base.units import from_posix, iso, parse_instant
+from skyway.models.base.units import MPS_PER_KMH, MPS_PER_KNOT, from_posix, iso, parse_instant
 from skyway.models.wind.columns import MAX_SPEED_MPS, check_year, parse_direction, parse_number
 from skyway.models.wind.estimation.field import WindObservation
 from skyway.models.wind.history import WindSite
@@ -31,6 +31,8 @@ if TYPE_CHECKING:
 
 STATION_ERROR_MPS = 1.2
 """Difference of a station's mean over 2 or 10 minutes from the wind of a forecast, a component: least CRPS (decision 83)."""
+SEEN_MPS = 35.0
+"""Mean wind above this is measured at stations in hurricanes only: a larger one given as m/s is asked about."""
 MAX_BYTES = 4 * 1024 * 1024
 MAX_REPORTS = 20_000
 TYPED = re.compile(r"([^=@/\\]+)=([^=@]+)@([^=@]+)(?:@([^=@]+))?")
@@ -144,8 +146,10 @@ def _typed(
         raise InputError(problem, field=field, value=given, remedy=remedy)
     speed, direction = parse_number(speed_text_.strip()), parse_direction(from_text.strip())
     variable = from_text.strip().casefold() in VARIABLE
-    if isinstance(speed, Problem) or not 0.0 <= speed <= MAX_SPEED_MPS:
-        raise InputError("not a wind speed", field=field, value=given, remedy=f"m/s, from 0 to {MAX_SPEED_MPS:g}")
+    if isinstance(speed, Problem) or not 0.0 <= speed < math.inf:
+        raise InputError("not a wind speed", field=field, value=given, remedy=f"m/s, from 0 to {SEEN_MPS:g}")
+    if speed > SEEN_MPS:
+        raise InputError(_unseen(speed), field=field, value=given, remedy=_units(speed))
     if isinstance(direction, Problem):
         if not variable:
             raise InputError("not a direction", field=field, value=given, remedy="degrees FROM, 0 to 360, or VRB")
@@ -261,9 +265,18 @@ def _time(text: str) -> float | Problem:
 
 def _speed(text: str) -> float | Problem:
     value = parse_number(text)
-    if isinstance(value, float) and not 0.0 <= value <= MAX_SPEED_MPS:
-        return Problem("not a wind speed", f"metres per second, from 0 to {MAX_SPEED_MPS:g}")
-    return value
+    if isinstance(value, float) and not 0.0 <= value < math.inf:
+        return Problem("not a wind speed", f"metres per second, from 0 to {SEEN_MPS:g}")
+    return Problem(_unseen(value), _units(value)) if isinstance(value, float) and value > SEEN_MPS else value
+
+
+def _unseen(speed: float) -> str:
+    return f"{speed:g} m/s is more than stations measure (up to {SEEN_MPS:g})"
+
+
+def _units(speed: float) -> str:
+    """Remedy for a speed that is probably in another unit."""
+    return f"write m/s; {speed:g} km/h are {speed * MPS_PER_KMH:.1f}, {speed:g} knots {speed * MPS_PER_KNOT:.1f}"
 
 
 def _direction(text: str) -> float | Problem:

@@ -247,7 +247,7 @@ def test_a_clock_that_is_set_back_is_said_and_time_goes_on(tmp_path):
     both = tmp_path / "both.tlog"
     both.write_bytes(first.read_bytes() + second.read_bytes())
     log = open_log(both)
-    assert "set back" in " ".join(log.summary.time_base.doubts)
+    assert "set back once, by" in " ".join(log.summary.time_base.doubts)
     track = TelemetryTrack.joined(log.tracks())
     assert (np.diff(track.time_s) > 0.0).all()
     assert len(track) >= 598
@@ -359,7 +359,7 @@ def test_a_csv_separated_by_semicolons_is_the_same_log(tmp_path):
     assert np.array_equal(tracks[0].values, tracks[1].values, equal_nan=True)
     (tmp_path / "decimal.csv").write_text("time_s;roll_rad;soc\n0;0;0,9\n")
     with pytest.raises(
-        InputError, match="decimal.csv:2: has a decimal comma between semicolons .*0,9.*; write decimal points"
+        InputError, match=r"decimal\.csv:2: has a decimal comma between semicolons .*0,9.*; write decimal points"
     ):
         open_log(tmp_path / "decimal.csv")
 
@@ -367,7 +367,7 @@ def test_a_csv_separated_by_semicolons_is_the_same_log(tmp_path):
 @pytest.mark.parametrize("encoding", ["utf-16", "utf-16-le", "utf-16-be"])
 def test_a_csv_in_utf_16_is_named_as_such(tmp_path, encoding):
     (tmp_path / "log.csv").write_bytes("time_s,roll_rad,soc\n0.0,0.1,0.9\n".encode(encoding))
-    with pytest.raises(InputError, match="log.csv: is UTF-16 text; save it with the encoding UTF-8"):
+    with pytest.raises(InputError, match=r"log\.csv: is UTF-16 text; save it with the encoding UTF-8"):
         open_log(tmp_path / "log.csv")
 
 

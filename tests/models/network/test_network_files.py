@@ -345,7 +345,7 @@ def test_all_wrong_segments_are_said_at_once(tmp_path):
         "segments.csv:3: from: is not a known station (got 'nothing')",
         "segments.csv:4: to: leads from a station to itself (got 'b')",
         "segments.csv:5: both: is not known (got 'perhaps'); yes or no",
-        "segments.csv:6: has 1 cells, the header has 3",
+        "segments.csv:6: has 1 cell, the header has 3",
     ]
 
 

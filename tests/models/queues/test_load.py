@@ -263,7 +263,7 @@ def test_every_wrong_cell_of_a_record_is_said_at_once(tmp_path):
     path = occupancy(tmp_path / "o.csv", ["a"], rows)
     faults = faults_of(lambda: read_occupancy(path, ["a"], NEW_YORK, 5, 60.0))
     for number, (fault, words) in enumerate(
-        zip(faults, ["not a time", "not an occupancy", "not an occupancy", "has 1 cells"], strict=True)
+        zip(faults, ["not a time", "not an occupancy", "not an occupancy", "has 1 cell "], strict=True)
     ):
         assert f":{170 + number}:" in fault
         assert words in fault

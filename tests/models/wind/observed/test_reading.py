@@ -55,7 +55,11 @@ def test_a_variable_wind_is_as_unsure_as_it_is_strong():
     [
         ("LGA=8@270", "unknown station LGA (got 'LGA=8@270'); the scenario's wind sites are EWR, JFK, roof (KNYC)"),
         ("EWR=fast@270", "not a wind speed"),
-        ("EWR=90@270", "not a wind speed"),
+        (
+            "EWR=90@270",
+            "90 m/s is more than stations measure (up to 35) (got 'EWR=90@270'); write m/s; 90 km/h are 25.0, 90 knots 46.3",
+        ),
+        ("EWR=60@270", "60 km/h are 16.7, 60 knots 30.9"),
         ("EWR=8@361", "not a direction"),
         ("EWR=8@west", "not a direction"),
         ("EWR=8@270@14:00", "not an ISO 8601 time"),
@@ -121,6 +125,10 @@ def test_a_table_names_sites_or_places_with_heights_and_errors(tmp_path):
         ("2013-07-10T17:51Z,LGA,8,270", "unknown station LGA"),
         ("2013-07-10T17:51Z,,8,270", "has no place"),
         ("2013-07-10T17:51Z,EWR,-8,270", "not a wind speed"),
+        (
+            "2013-07-10T17:51Z,EWR,40,270",
+            "40 m/s is more than stations measure (up to 35) (got '40'); write m/s; 40 km/h are 11.1",
+        ),
         ("2013-07-10T17:51Z,EWR,8,400", "direction out of range"),
         ("2013-07-10T17:51Z,EWR,inf,270", "not a finite number"),
     ],
