@@ -117,7 +117,9 @@ def tell_air(found: Air) -> None:
         from skyway.models.wind.triangle import speed_from
 
         speed, direction = (float(value) for value in speed_from(*found.wind))
-        typer.echo(f"  uncertainty in this flight ± {percent(found.sigma, 1)}; mean wind {wind_text(speed, direction)}")
+        what = "drag" if found.airspeed is None else "airspeed"
+        typer.echo(f"  uncertainty of the {what} in this flight ± {percent(found.sigma, 1)}")
+        typer.echo(f"  mean wind of the whole flight {wind_text(speed, direction)}")
 
 
 class FlightFit(msgspec.Struct, frozen=True, kw_only=True):

@@ -155,6 +155,13 @@ def test_a_multirotor_is_not_calibrated_with_a_power_that_its_mass_cannot_fly_on
     assert "has 465 W on average in flight, where a multirotor of 36.8 kg needs 736 to 110,400 W" in told
 
 
+def test_the_uncertainty_of_a_calibrated_drag_is_not_told_as_that_of_the_wind(skyway, shared_data):
+    told = skyway("calibrate", "wind", shared_data / "power" / "m100_flight_271.csv")
+    assert (
+        "  uncertainty of the drag in this flight ± 6.3 %\n  mean wind of the whole flight 2.2 m/s from 157°\n" in told
+    )
+
+
 def test_a_package_is_of_a_drone(skyway, flight):
     told = skyway("replay", flight, "--payload", "5", code=2)
     assert told == "skyway: --payload: needs --drone (got '5.0'); name the drone that carries it\n"
