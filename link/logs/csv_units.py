@@ -23,6 +23,8 @@ _NAMES = {"s": "seconds", "ms": "milliseconds", "us": "microseconds"}
 LEAST_STEP_S, MOST_STEP_S = 1.2e-4, 5.0
 """Time between two rows of a flight log: from fast sensor logs to slow trackers."""
 LEAST_ROWS = 10
+FARTHEST = 1e9
+"""Larger values are damage; sums of them would overflow."""
 TIMES_OFF = 100.0
 """The vehicle's speed times the time, divided by the distance between its positions: beyond this the times have another unit."""
 MOVING_MPS, MOVED_M = 2.0, 20.0
@@ -47,6 +49,7 @@ class UnitCheck:
         if math.isnan(self._step_s) and len(time_s) >= LEAST_ROWS:
             steps = np.diff(time_s)
             self._step_s = float(np.median(steps[steps > 0.0])) if (steps > 0.0).any() else math.nan
+        values = {name: np.clip(column, -FARTHEST, FARTHEST) for name, column in values.items()}
         self._move(time_s, values)
         track = TelemetryTrack.of_columns(1, time_s, values)
         told = np.isfinite(track["height_m"]) | np.isfinite(track["vel_north_mps"]) | np.isfinite(track["landed"])
@@ -80,6 +83,8 @@ class UnitCheck:
             if 1.0 / TIMES_OFF < off < TIMES_OFF:
                 return None
             likely = min(scales, key=lambda name: abs(math.log(off * scales[name])))
+            if not 1.0 / TIMES_OFF < off * scales[likely] < TIMES_OFF:
+                return None
             times = f"{off:,.0f}" if off > 1.0 else f"{off:.1g}"
             why = f"in {_NAMES[unit]} the speeds give {times} times the distance between the positions"
             return f"column {column} is probably in {_likely(likely)}: {why}"
