@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
     Rows = Callable[[str], list[tuple[Any, ...]]]
 
-CLOSED = ("delivered", "refused", "handed to a person")
+CLOSED = ("delivered", "refused", "cancelled", "handed to a person")
 ON_PAD = ("firm", "in use", "late")
 WITH_PACKAGE = "with the package"
 US = 1e6

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
     from skyway.models.ledger.ledger import Lease, Ledger
 
-Kind = Literal["service", "order", "drone", "flight", "pad", "change"]
+Kind = Literal["service", "order", "drone", "flight", "pad", "change", "cancel", "reopening"]
 FIELDS = "kind, id, version, state, keeper, document"
 MAX_DOCUMENT = 4_000_000
 """Characters."""

@@ -16,9 +16,15 @@ from fastapi.responses import JSONResponse, PlainTextResponse
 from pydantic import BaseModel, ConfigDict, Field
 from starlette.exceptions import HTTPException as StarletteHTTPException
 
-from skyway.dispatch.service import put_order, refuse_ended
+from skyway.dispatch.requests import (
+    NotCancelledError,
+    cancel_order,
+    cancellation,
+    give_orders,
+    unknown_order,
+)
 from skyway.dispatch.status import document_of, order_document, prometheus, status_of
-from skyway.models.base.errors import Fault, InputError, SkywayError
+from skyway.models.base.errors import InputError, SkywayError
 from skyway.models.ledger.desk import Desk
 from skyway.models.ledger.opening import open_ledger
 from skyway.models.orders.files import order_of
@@ -53,7 +59,9 @@ class OrderStatus(BaseModel):
     """State of an order."""
 
     id: str
-    state: str = Field(description="new, promised, under way, aboard, delivered, refused, or handed to a person.")
+    state: str = Field(
+        description="new, promised, under way, aboard, delivered, refused, cancelled, or handed to a person."
+    )
     origin: str = Field(alias="from")
     to: str
     mass_kg: float
@@ -69,8 +77,10 @@ class OrderStatus(BaseModel):
     first_promised: str | None
     changes: int = Field(description="Number of changes of the promise.")
     delivered: str | None
+    cancelled: str | None = Field(description="Time of the cancellation.")
+    cancelled_by: str | None = Field(description="Who asked for the cancellation.")
     place: str = Field(description="Place of the package, or of its pick-up.")
-    reason: str = Field(description="Reason for a refusal, a wait, or a hand-over to a person.")
+    reason: str = Field(description="Reason for a refusal, a cancellation, a wait, or a hand-over to a person.")
 
 
 class Problem(BaseModel):
@@ -121,8 +131,7 @@ def application(ledger: str, dispatcher: str, *, token: str | None = None) -> Fa
         """Take an order; it is on the desk when the answer is sent."""
         place = desk()
         with place.ledger:
-            refuse_ended(place.get("service", "service"))
-            put_order(place, order)
+            give_orders(place, [order])
             return _order_status(place, order.id)
 
     @api.get("/orders", response_model=list[OrderStatus])
@@ -138,7 +147,20 @@ def application(ledger: str, dispatcher: str, *, token: str | None = None) -> Fa
         place = desk()
         with place.ledger:
             if place.get("order", order_id) is None:
-                raise HTTPException(404, str(Fault("there is no such order", field="id", value=order_id)))
+                raise HTTPException(404, str(unknown_order(place, order_id)))
+            return _order_status(place, order_id)
+
+    @api.post(
+        "/orders/{order_id}/cancel",
+        status_code=202,
+        response_model=OrderStatus,
+        responses={**refused, 200: {"model": OrderStatus}, 409: {"model": Problem}},
+    )
+    def cancel(order_id: str, response: Response) -> dict[str, Any]:
+        """Ask the dispatcher to cancel an order: 202, its next step decides; 200 if it is cancelled; 409 if it cannot be cancelled."""
+        place = desk()
+        with place.ledger:
+            response.status_code = _cancel(place, order_id)
             return _order_status(place, order_id)
 
     @api.get("/status")
@@ -192,6 +214,17 @@ def _order_status(desk: Desk, order: str) -> dict[str, Any]:
     if entry is None:
         raise InputError("there is no such order", field="id", value=order)
     return order_document(entry.id, entry.state, read(entry, OrderRecord))
+
+
+def _cancel(desk: Desk, order: str) -> int:
+    """Ask for the cancellation of an order; return the status of the answer."""
+    if desk.get("order", order) is None:
+        raise HTTPException(404, str(unknown_order(desk, order)))
+    try:
+        asked = cancel_order(desk, order, "HTTP API") == "asked" and cancellation(desk, order) == "asked"
+    except NotCancelledError as error:
+        raise HTTPException(409, str(error)) from None
+    return 202 if asked else 200
 
 
 def serve_in_background(ledger: str, dispatcher: str, where: str) -> str:

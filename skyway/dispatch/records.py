@@ -17,7 +17,8 @@ if TYPE_CHECKING:
 
 OPEN = ("new", "promised", "under way", "aboard")
 HANDED_OVER = "handed to a person"
-CLOSED = ("delivered", "refused", HANDED_OVER)
+CANCELLED = "cancelled"
+CLOSED = ("delivered", "refused", CANCELLED, HANDED_OVER)
 """Closed states of orders; every order ends in one of them. Of the others: ``under way``: a drone flies to it or with it; ``aboard``: it is in a drone that
 stands somewhere on its way."""
 ACTIVE = ("ordered", "flying")
@@ -83,6 +84,18 @@ class OrderRecord(msgspec.Struct, kw_only=True):
     changes: int = 0
     reason: str = ""
     delivered_s: float | None = None
+    cancelled_s: float | None = None
+    cancelled_by: str = ""
+    """When it was cancelled, POSIX seconds, and who asked for it."""
+
+
+class CancelRecord(msgspec.Struct, kw_only=True):
+    """A request to cancel an order, under the id of the order; its states are ``asked``, ``done`` and ``refused``."""
+
+    by: str
+    """Who asks."""
+    reason: str = ""
+    """Why it was refused."""
 
 
 class PlanStep(msgspec.Struct, kw_only=True, frozen=True):
@@ -230,6 +243,14 @@ class PadRecord(msgspec.Struct, kw_only=True):
     reason: str = ""
 
 
+class ReopenRecord(msgspec.Struct, kw_only=True):
+    """The early end of a closure of a pad, under the id of that closure."""
+
+    at_s: float
+    by: str
+    """Who opened it."""
+
+
 class ChangeRecord(msgspec.Struct, kw_only=True):
     """A changed promise."""
 
@@ -270,6 +291,11 @@ class Board:
             self._known[entry.kind, entry.id] = entry
             found[entry.id] = (entry.state, read(entry, record))
         return found
+
+    def pads_out(self) -> dict[str, tuple[str, PadRecord]]:
+        """Read the closures of pads, without those that were ended early."""
+        opened = {one.id for one in self.desk.entries("reopening")}
+        return {name: one for name, one in self.read("pad", PadRecord, ("out",)).items() if name not in opened}
 
     def read_one(self, kind: Kind, id: str, record: type[T], state: str) -> dict[str, tuple[str, T]]:  # noqa: A002
         """Read one record: state and record by id; empty if it is not in this state."""

@@ -15,8 +15,9 @@ from typing import TYPE_CHECKING
 from skyway.calibration_flight import drag_of
 from skyway.dispatch.dispatcher.dispatcher import Dispatcher
 from skyway.dispatch.leases import KeptLeases
-from skyway.dispatch.records import DroneRecord, OrderRecord, ServiceRecord, read, written
+from skyway.dispatch.records import DroneRecord, ServiceRecord, read, written
 from skyway.dispatch.region import Region
+from skyway.dispatch.requests import put_order, refuse_ended
 from skyway.dispatch.simulation import ADDRESS, claim_folder
 from skyway.dispatch.worker import worker_name
 from skyway.flights.starting import start
@@ -72,18 +73,6 @@ class Options:
     notice_s: float | None = None
     """Time between the arrival of orders and their earliest pick-up, s; None: all arrive at the beginning."""
     say: Callable[[str], None] = field(default=print)
-
-
-def refuse_ended(service: Entry | None) -> None:
-    """Refuse a service that has ended, with an `InputError`: it is not resumed, and nobody would act on what it is told."""
-    if service is not None and service.state == "ended":
-        remedy = "name another --holder, or another ledger"
-        raise InputError("the service of this name has ended", field="--holder", value=service.keeper, remedy=remedy)
-
-
-def put_order(desk: Desk, order: Order) -> None:
-    """Add an order to a desk; an `InputError` if its id exists already."""
-    desk.put_down("order", order.id, "new", written(OrderRecord(order=order, place=order.origin)))
 
 
 class Service:

@@ -104,13 +104,14 @@ def status_of(desk: Desk) -> Status:
     times_s += [one.progress.at_s for _, one in flights.values() if one.progress is not None]
     unread = board.read("flight", FlightRecord, ("ended",))  # while no dispatcher runs, or one plans
     times_s += [one.end.at_s for _, one in unread.values() if one.end is not None]
+    times_s += [one.cancelled_s for _, one in orders.values() if one.cancelled_s is not None]
     times_s += [one.delivered_s for _, one in orders.values() if one.delivered_s is not None]
     from skyway.dispatch.worker import worker_name
 
     names = [worker_name(desk.dispatcher, number) for number in range(1, service.workers + 1)]
     return Status(
         dispatcher=desk.dispatcher, state=found.state, led=desk.ledger.led(desk.dispatcher), now_s=max(times_s),
-        service=service, orders=orders, drones=drones, flights=flights, pads=_sorted(board.read("pad", PadRecord, ("out",))),
+        service=service, orders=orders, drones=drones, flights=flights, pads=_sorted(board.pads_out()),
         changes=changes, holds=desk.ledger.holds(), workers={one: desk.ledger.led(one) for one in names},
     )  # fmt: skip
 
@@ -154,6 +155,8 @@ def order_document(name: str, state: str, record: OrderRecord) -> dict[str, Any]
         "first_promised": None if record.first is None else iso(from_posix(record.first.delivered_s)),
         "changes": record.changes,
         "delivered": None if record.delivered_s is None else iso(from_posix(record.delivered_s)),
+        "cancelled": None if record.cancelled_s is None else iso(from_posix(record.cancelled_s)),
+        "cancelled_by": record.cancelled_by or None,
         "place": record.place,
         "reason": record.reason,
     }

@@ -80,6 +80,7 @@ class Dispatcher:
         self._air.hear(one for _, one in self._situation.flights.values())
         self._events.take_ends(now_s, why)
         self._events.take_delays(now_s, why)
+        self._events.take_cancellations(now_s, why)
         self._events.take_orders(why)
         self._replanning.note_waiting(now_s, why)
         self._alone.note_packages(now_s, why)
@@ -104,6 +105,7 @@ class Dispatcher:
         situation = self._situation
         situation.read()
         self._events.take_ends(now_s, Reasons())
+        self._events.take_cancellations(now_s, Reasons())
         flying = {flight.order for _, flight in situation.flights.values()}
         for name, (state, order) in list(situation.orders.items()):
             if state == "aboard" or name in flying:

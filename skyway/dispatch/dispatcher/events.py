@@ -6,6 +6,7 @@ import math
 from typing import TYPE_CHECKING
 
 from skyway.dispatch.records import HANDED_OVER, LOST, STANDING, TO_PACKAGE, WITH_PACKAGE
+from skyway.dispatch.requests import why_not
 from skyway.models.base.errors import InputError
 from skyway.models.base.formatting import duration
 from skyway.models.orders.fitting import fit
@@ -144,6 +145,20 @@ class Events:
         else:
             order.drone = None
             self._situation.change_order(name, "new", order)
+
+    def take_cancellations(self, now_s: float, why: Reasons) -> None:
+        """Process requests to cancel orders: done, or refused if the package is aboard or the order was closed meanwhile."""
+        situation = self._situation
+        for name, (_, request) in list(situation.cancels.items()):
+            state, order = situation.orders.get(name) or situation.closed_order(name)
+            carriers = [one.drone for _, one in situation.flights.values() if one.order == name and one.phase == WITH_PACKAGE]  # fmt: skip
+            reason = why_not(state, order, carriers)
+            situation.answer_cancel(name, reason)
+            if reason:
+                self._say(f"{name} cannot be cancelled: {reason}")
+            else:
+                self._promises.cancel(now_s, name, order, request.by)
+                why.general.append(f"order {name} was cancelled")
 
     def take_orders(self, why: Reasons) -> None:
         """Process new orders; those that fit no drone, or have an unknown place, are refused."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from skyway.dispatch.records import HANDED_OVER, ChangeRecord, Promise
+from skyway.dispatch.records import CANCELLED, HANDED_OVER, ChangeRecord, Promise
 from skyway.models.base.formatting import duration
 from skyway.planner.dispatch.flights import latest_s
 from skyway.planner.dispatch.improve import TOLERATED_S
@@ -70,12 +70,28 @@ class Promises:
     def refuse(self, name: str, order: OrderRecord) -> None:
         """Refuse an order, with its stored reason."""
         self._say(f"{name} refused: {order.reason}")
+        order.promise = None
         self._situation.change_order(name, "refused", order)
 
     def hand_over(self, name: str, order: OrderRecord) -> None:
         """Hand an order over to a person, with its stored reason."""
         self._say(f"{name} needs a person: {order.reason}")
+        self._withdraw(order)
         self._situation.change_order(name, HANDED_OVER, order)
+
+    def cancel(self, now_s: float, name: str, order: OrderRecord, by: str) -> None:
+        """Cancel an order whose package is in no drone; one that flies to it goes on to its landing, and is then free."""
+        order.reason, order.cancelled_s, order.cancelled_by = f"cancelled by {by}", now_s, by
+        order.drone = order.promise = None
+        self._say(f"{name} {order.reason}")
+        self._situation.change_order(name, CANCELLED, order)
+
+    @staticmethod
+    def _withdraw(order: OrderRecord) -> None:
+        """Withdraw the promise to an order; its drone is still told."""
+        if order.promise is not None:
+            order.drone = order.drone or order.promise.drone
+            order.promise = None
 
     def refuse_too_late(self, now_s: float, weigh: DispatchParameters) -> None:
         """Refuse orders that can no longer be delivered in time."""

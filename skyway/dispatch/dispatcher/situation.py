@@ -11,13 +11,16 @@ from skyway.dispatch.records import (
     LOST,
     OPEN,
     Board,
+    CancelRecord,
     DroneRecord,
     FlightRecord,
     OrderRecord,
-    PadRecord,
+    read,
 )
+from skyway.models.base.errors import InputError
 
 if TYPE_CHECKING:
+    from skyway.dispatch.records import PadRecord
     from skyway.models.ledger.desk import Desk
     from skyway.models.ledger.ledger import Lease
 
@@ -33,6 +36,8 @@ class Situation:
         All drones; pads that are out of order, or will be.
     flights : dict
         Flights that are not closed.
+    cancels : dict
+        Requests to cancel orders that have no answer yet, by the id of the order.
     late_s : dict
         Delay of each flight already planned with.
     """
@@ -43,6 +48,7 @@ class Situation:
         self.drones: dict[str, tuple[str, DroneRecord]] = {}
         self.flights: dict[str, tuple[str, FlightRecord]] = {}
         self.pads: dict[str, tuple[str, PadRecord]] = {}
+        self.cancels: dict[str, tuple[str, CancelRecord]] = {}
         self.late_s: dict[str, float] = {}
 
     def read(self) -> None:
@@ -52,7 +58,17 @@ class Situation:
         self.orders = board.read("order", OrderRecord, OPEN)
         self.drones = board.read("drone", DroneRecord)
         self.flights = board.read("flight", FlightRecord, (*ACTIVE, "ended"))
-        self.pads = board.read("pad", PadRecord, ("out",))
+        self.pads = board.pads_out()
+        self.cancels = board.read("cancel", CancelRecord, ("asked",))
+
+    def closed_order(self, name: str) -> tuple[str, OrderRecord]:
+        """Return an order that was closed before this step."""
+        entry = self.board.desk.get("order", name)
+        if entry is None:
+            raise InputError(
+                "the desk has a request to cancel an order that does not exist", field="cancel", value=name
+            )
+        return entry.state, read(entry, OrderRecord)
 
     def find_order(self, name: str) -> bool:
         """Say whether an order is open, or was handed over to a person before its flight ended; that one joins `orders` again."""
@@ -68,6 +84,12 @@ class Situation:
         """Change an order."""
         self.orders[name] = (state, record)
         self.board.change("order", name, state, record)
+
+    def answer_cancel(self, name: str, reason: str) -> None:
+        """Answer the request to cancel an order: done, or refused for a reason."""
+        _, request = self.cancels.pop(name)
+        request.reason = reason
+        self.board.change("cancel", name, "refused" if reason else "done", request)
 
     def change_drone(self, name: str, state: str, record: DroneRecord) -> None:
         """Change a drone."""

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import getpass
+import time
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, NamedTuple
@@ -25,6 +27,8 @@ if TYPE_CHECKING:
     from skyway.planner.dispatch.result import DispatchPlan
     from skyway.planner.parameters.planner import PlannerParameters
 
+ANSWER_WALL_S = 30.0
+"""Longest wait for the answer of a dispatcher, s of wall time."""
 dispatch = typer.Typer(help="Plan for a fleet.", no_args_is_help=True, rich_markup_mode=None)
 dispatch.callback()(lambda: None)
 
@@ -379,9 +383,9 @@ def close(
     --------
       skyway dispatch close bellevue 2 --ledger ledger.db --until 2013-07-10T18:00-04:00
     """
-    from skyway.dispatch.records import PadRecord, written
+    from skyway.dispatch.records import PadRecord
     from skyway.dispatch.region import Region
-    from skyway.dispatch.service import refuse_ended
+    from skyway.dispatch.requests import close_pad, refuse_ended
     from skyway.dispatch.status import status_of
     from skyway.models.ledger.desk import Desk
     from skyway.models.ledger.opening import open_ledger
@@ -399,5 +403,85 @@ def close(
         if end_s <= begin_s:
             raise InputError("is not after the beginning", field="--until", value=until)
         record = PadRecord(station=found.id, pad=pad, from_s=begin_s, until_s=end_s, reason=reason)
-        desk.put_down("pad", f"{found.id} {pad} {end_s:.0f}", "out", written(record))
+        close_pad(desk, record)
     typer.echo(f"pad {pad} of {found.id} is out of order until {until}")
+
+
+@dispatch.command("open")
+def open_(
+    station: Annotated[str, typer.Argument(help="Station id.")],
+    ledger: LedgerName,
+    pad: Annotated[int | None, typer.Argument(help="Number of the pad, from 1. Default: all pads.", min=1)] = None,
+    holder: Holder = "dispatch",
+) -> None:
+    """Open closed pads again before their closures end: the dispatcher uses them with its next plan.
+
+    Examples
+    --------
+      skyway dispatch open bellevue --ledger ledger.db
+      skyway dispatch open bellevue 2 --ledger ledger.db
+    """
+    from skyway.dispatch.region import Region
+    from skyway.dispatch.requests import open_pads, refuse_ended
+    from skyway.dispatch.status import status_of
+    from skyway.models.ledger.desk import Desk
+    from skyway.models.ledger.opening import open_ledger
+
+    with open_ledger(ledger, create=False) as book:
+        desk = Desk(book, holder)
+        status = status_of(desk)
+        refuse_ended(desk.get("service", "service"))
+        network = Region(status.service).base.network
+        found = network.stations[network.find(station)]
+        if pad is not None and pad > found.pads:
+            raise InputError("the station has no such pad", field="pad", value=pad, remedy=f"1 to {found.pads}")
+        opened = open_pads(desk, found.id, pad, status.now_s, _user())
+    for number in opened:
+        typer.echo(f"pad {number} of {found.id} is open again")
+    if not opened:
+        typer.echo(
+            f"{'no pad' if pad is None else f'pad {pad}'} of {found.id} is {'' if pad is None else 'not '}out of order"
+        )
+
+
+@dispatch.command("cancel")
+def cancel(
+    order: Annotated[str, typer.Argument(help="Order id.")], ledger: LedgerName, holder: Holder = "dispatch"
+) -> None:
+    """Cancel an order whose package is not aboard a drone; a drone that flies to the package lands there and is then free.
+
+    The command waits up to 30 s for the answer of a running dispatcher. Exit code 2: the order cannot be cancelled.
+
+    Examples
+    --------
+      skyway dispatch cancel serum --ledger ledger.db
+    """
+    from skyway.dispatch.requests import cancel_order, cancellation
+    from skyway.models.ledger.desk import Desk
+    from skyway.models.ledger.opening import open_ledger
+
+    with open_ledger(ledger, create=False) as book:
+        desk = Desk(book, holder)
+        if cancel_order(desk, order, _user()) != "asked":
+            typer.echo(f"{order} was already cancelled")
+            return
+        end_s = time.monotonic() + ANSWER_WALL_S
+        while (answer := cancellation(desk, order)) == "asked" and desk.ledger.led(holder) and time.monotonic() < end_s:
+            time.sleep(0.1)
+        led = desk.ledger.led(holder)
+    if answer != "asked":
+        typer.echo(f"{order} is cancelled")
+    elif led:
+        typer.echo(
+            f"{order}: cancellation asked; the dispatcher has not answered yet, skyway orders list shows the order"
+        )
+    else:
+        typer.echo(f"{order}: cancellation asked; no dispatcher runs, the next skyway dispatch run decides")
+
+
+def _user() -> str:
+    """Return the name of the user, for people."""
+    try:
+        return getpass.getuser()
+    except (OSError, KeyError, ImportError):
+        return "an operator"

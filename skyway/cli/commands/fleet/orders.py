@@ -40,14 +40,14 @@ def add(
 ) -> None:
     """Give orders to a running dispatcher; it plans them around flights under way.
 
-    All orders of a file are accepted, or none if one is wrong or its id exists already.
+    All orders of a file are accepted, or none if one is wrong, its id exists already, a place is unknown or has no pads, or its due time has passed.
 
     Examples
     --------
       skyway orders add late.csv --ledger ledger.db
       skyway orders add --ledger ledger.db --id serum --from bellevue --to jacobi --mass 0.4 --ready 2013-07-10T15:00-04:00 --due 2013-07-10T17:00-04:00
     """
-    from skyway.dispatch.service import put_order, refuse_ended
+    from skyway.dispatch.requests import give_orders, refuse_ended
     from skyway.models.ledger.desk import Desk
     from skyway.models.ledger.opening import open_ledger
     from skyway.models.orders.files import order_of, read_orders
@@ -72,8 +72,7 @@ def add(
             raise InputError(
                 "these orders exist already", field="id", value=", ".join(known[:5]), remedy="use other ids"
             )
-        for one in found:
-            put_order(desk, one)
+        give_orders(desk, found)
     typer.echo(f"{len(found)} order{'s' if len(found) != 1 else ''} on the desk of {holder}")
 
 

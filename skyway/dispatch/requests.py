@@ -1,0 +1,171 @@
+"""What operators ask of a dispatcher through its desk: take orders, cancel one, close a pad, open it again."""
+
+from __future__ import annotations
+
+import difflib
+from functools import lru_cache
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from skyway.dispatch.records import (
+    ACTIVE,
+    CANCELLED,
+    CLOSED,
+    WITH_PACKAGE,
+    Board,
+    CancelRecord,
+    FlightRecord,
+    OrderRecord,
+    ReopenRecord,
+    read,
+    written,
+)
+from skyway.dispatch.status import status_of
+from skyway.models.base.errors import Fault, InputError, refuse
+from skyway.models.base.geodesy import distance_m
+from skyway.models.base.units import from_posix, iso
+from skyway.models.orders.fitting import fit
+from skyway.models.orders.rows import fault_at
+from skyway.scenarios import load_scenario
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from skyway.dispatch.records import PadRecord
+    from skyway.models.ledger.desk import Desk, Entry
+    from skyway.models.network.network import Network
+    from skyway.models.network.station import Station
+    from skyway.models.orders.order import Order
+    from skyway.models.scenario.scenario import Scenario
+
+
+def refuse_ended(service: Entry | None) -> None:
+    """Refuse a service that has ended, with an `InputError`: it is not resumed, and nobody would act on what it is told."""
+    if service is not None and service.state == "ended":
+        remedy = "name another --holder, or another ledger"
+        raise InputError("the service of this name has ended", field="--holder", value=service.keeper, remedy=remedy)
+
+
+def put_order(desk: Desk, order: Order) -> None:
+    """Add an order to a desk; an `InputError` if its id exists already."""
+    desk.put_down("order", order.id, "new", written(OrderRecord(order=order, place=order.origin)))
+
+
+class NotCancelledError(InputError):
+    """The order exists, and cannot be cancelled any more."""
+
+
+def give_orders(desk: Desk, orders: Sequence[Order]) -> None:
+    """Give orders to a dispatcher, all or none if one is wrong."""
+    refuse_ended(desk.get("service", "service"))
+    check_orders(desk, orders)
+    for one in orders:
+        put_order(desk, one)
+
+
+def check_orders(desk: Desk, orders: Sequence[Order]) -> None:
+    """Refuse orders that the dispatcher would refuse at once: unknown places, places without pads, due times that have passed.
+
+    An `InputError` lists every fault.
+    """
+    status = status_of(desk)
+    network = _scenario(status.service.scenario).network
+    work = fit(_scenario(status.service.scenario), orders, [one.vehicle for _, one in status.drones.values()])
+    wider, faults = work.scenario.network, []
+    for one, fitted in zip(orders, work.orders, strict=True):
+        for field, text, place in (("from", one.origin, fitted.origin), ("to", one.destination, fitted.destination)):
+            station = wider.stations[wider.index[place]]
+            if not station.pads:
+                near = ", ".join(_nearest_pads(network, station))
+                faults.append(
+                    fault_at(one.source, field, "has no pads", text, f"a station with pads, the nearest are {near}")
+                )
+        if one.due.timestamp() <= status.now_s:
+            now = iso(from_posix(status.now_s))
+            faults.append(
+                fault_at(one.source, "due", "has passed", iso(one.due), f"a time after {now}, the time of the service")
+            )
+    refuse(faults)
+
+
+@lru_cache(maxsize=1)
+def _scenario(folder: str | None) -> Scenario:
+    return load_scenario(None if folder is None else Path(folder))
+
+
+def _nearest_pads(network: Network, to: Station) -> list[str]:
+    """Return the ids of the three nearest stations with pads."""
+    with_pads = [one for one in network.stations if one.pads]
+    return [one.id for one in sorted(with_pads, key=lambda one: distance_m(to.lat, to.lon, one.lat, one.lon))[:3]]
+
+
+def unknown_order(desk: Desk, order: str) -> Fault:
+    """Return the fault of an order that does not exist, with the nearest ids."""
+    close = difflib.get_close_matches(order, [one.id for one in desk.entries("order")], n=3, cutoff=0.5)
+    remedy = f"did you mean {' or '.join(close)}?" if close else "skyway orders list shows the orders"
+    return Fault("there is no such order", field="id", value=order, remedy=remedy)
+
+
+def cancel_order(desk: Desk, order: str, by: str) -> str:
+    """Ask the dispatcher to cancel an order; return ``asked``, or ``cancelled`` if it already was.
+
+    Raises an `InputError` if there is no such order, and a `NotCancelledError` if its package is aboard or it is closed.
+    """
+    entry = desk.get("order", order)
+    if entry is None:
+        raise InputError(unknown_order(desk, order))
+    if entry.state == CANCELLED:
+        return CANCELLED
+    carriers = [one.drone for _, one in Board(desk).read("flight", FlightRecord, ACTIVE).values() if one.order == order and one.phase == WITH_PACKAGE]  # fmt: skip
+    record = read(entry, OrderRecord)
+    reason = why_not(entry.state, record, carriers)
+    if reason:
+        raise _not_cancelled(order, reason)
+    asked = desk.get("cancel", order)
+    if asked is None:
+        refuse_ended(desk.get("service", "service"))
+        desk.put_down("cancel", order, "asked", written(CancelRecord(by=by)))
+    return "asked"
+
+
+def why_not(state: str, order: OrderRecord, carriers: list[str]) -> str:
+    """Return why an order in a state cannot be cancelled, and what can be done; empty if it can. The `carriers` fly with its package."""
+    if state in CLOSED:
+        return f"it is {state} already"
+    if state == "aboard" or carriers:
+        drone = carriers[0] if carriers else order.drone
+        back = f"give a new order from {order.order.destination} to {order.order.origin} to have it brought back"
+        return f"its package is aboard {drone} and will be delivered; {back}"
+    return ""
+
+
+def cancellation(desk: Desk, order: str) -> str:
+    """Return what became of the request to cancel an order: ``asked``, or ``cancelled``; a `NotCancelledError` if it was refused."""
+    entry = desk.get("cancel", order)
+    if entry is not None and entry.state == "refused":
+        raise _not_cancelled(order, read(entry, CancelRecord).reason)
+    return "asked" if entry is not None and entry.state == "asked" else CANCELLED
+
+
+def _not_cancelled(order: str, reason: str) -> NotCancelledError:
+    return NotCancelledError(f"{order} cannot be cancelled: {reason}")
+
+
+def close_pad(desk: Desk, record: PadRecord) -> None:
+    """Report a pad as out of order."""
+    first = name = f"{record.station} {record.pad} {record.until_s:.0f}"
+    number = 1
+    while desk.get("pad", name) is not None and desk.get("reopening", name) is not None:  # closed again
+        number += 1
+        name = f"{first} {number}"
+    desk.put_down("pad", name, "out", written(record))
+
+
+def open_pads(desk: Desk, station: str, pad: int | None, now_s: float, by: str) -> list[int]:
+    """End the closures, present and coming, of one pad of a station, or of all; return the numbers of the pads that were closed."""
+    lifted = set()
+    for name, (_, one) in Board(desk).pads_out().items():
+        if one.station == station and pad in (None, one.pad) and one.until_s > now_s:
+            desk.put_down("reopening", name, "told", written(ReopenRecord(at_s=now_s, by=by)))
+            lifted.add(one.pad)
+    return sorted(lifted)

@@ -1,0 +1,218 @@
+"""Orders that an operator cancels: asked for on the desk, decided by the dispatcher's next step."""
+
+import json
+from datetime import timedelta
+from types import SimpleNamespace
+
+import pytest
+from fleet_runs import START
+from test_fleet_api import Client, ledger  # noqa: F401  a fixture
+
+from skyway.cli.main import main
+from skyway.dispatch.dispatcher.events import Events
+from skyway.dispatch.dispatcher.fleet_planner import available
+from skyway.dispatch.dispatcher.promises import Promises
+from skyway.dispatch.dispatcher.reasons import Reasons
+from skyway.dispatch.dispatcher.situation import Situation
+from skyway.dispatch.records import TO_PACKAGE, WITH_PACKAGE, FlightRecord, OrderRecord, PlanStep, Promise, read
+from skyway.dispatch.requests import put_order
+from skyway.models.ledger.desk import Desk
+from skyway.models.ledger.opening import open_ledger
+from skyway.models.orders.order import Order
+
+AT_S = START.timestamp() + 60.0
+BLOOD = Order(
+    id="blood", origin="jacobi", destination="bellevue", mass_kg=0.3, ready=START, due=START + timedelta(hours=3)
+)
+STEP = PlanStep(
+    kind="fly", origin="bellevue", destination="jacobi", begin_s=AT_S, end_s=AT_S + 900.0, soc_begin=0.6, soc_end=0.4
+)
+
+
+@pytest.fixture
+def place(ledger):  # noqa: F811
+    """A desk with one order, and its ledger's name."""
+    with open_ledger(ledger) as book:
+        desk = Desk(book, "dispatch")
+        put_order(desk, BLOOD)
+        yield desk, ledger
+
+
+def step(desk, change=lambda _: None):
+    """What the dispatcher does with requests in a step, after a change of its state; returns that state and the reasons to replan."""
+    lease = desk.ledger.acquire("dispatch", "a test")
+    situation, why = Situation(desk), Reasons()
+    situation.read()
+    change(situation)
+    events = Events(situation, Promises(situation, lambda _: None), SimpleNamespace(), None, lambda _: None)
+    events.take_cancellations(AT_S, why)
+    situation.write(lease)
+    desk.ledger.give_back(lease)
+    return situation, why
+
+
+def fly(phase):
+    def change(situation):
+        flight = FlightRecord(
+            drone="d1", type="m200", system=1, order="blood", phase=phase, mass_kg=0.3, composition={}, steps=(STEP,), not_before_s=0.0,
+            journal="1.jsonl",
+        )  # fmt: skip
+        situation.begin_flight(1, "d1", flight, "dispatch")
+        order = situation.orders["blood"][1]
+        order.drone = "d1"
+        order.promise = order.first = Promise(drone="d1", fetched_s=AT_S, delivered_s=AT_S + 900.0)
+        situation.change_order("blood", "under way", order)
+
+    return change
+
+
+def close(state):
+    return lambda situation: situation.change_order("blood", state, situation.orders["blood"][1])
+
+
+def cancel(ledger, name="blood"):  # noqa: F811
+    return main(["dispatch", "cancel", name, "--ledger", ledger])
+
+
+def document(ledger, capsys):  # noqa: F811
+    assert main(["orders", "list", "--ledger", ledger, "--json"]) == 0
+    return json.loads(capsys.readouterr().out)[0]
+
+
+def test_an_order_is_cancelled_by_the_next_step_and_once(place, capsys, monkeypatch):
+    monkeypatch.setattr("getpass.getuser", lambda: "ana")
+    desk, name = place
+    assert cancel(name) == 0
+    assert "no dispatcher runs" in capsys.readouterr().out
+    assert cancel(name) == 0
+    capsys.readouterr()
+    _, why = step(desk)
+    assert why.general == ["order blood was cancelled"]
+    told = document(name, capsys)
+    assert (told["state"], told["cancelled_by"], told["reason"]) == ("cancelled", "ana", "cancelled by ana")
+    assert told["cancelled"] == "2013-07-10T18:01:00Z"
+    assert cancel(name) == 0
+    assert capsys.readouterr().out == "blood was already cancelled\n"
+    assert not step(desk)[1]
+    assert main(["dispatch", "status", "--ledger", name]) == 0
+    assert "1 cancelled" in capsys.readouterr().out
+
+
+def test_a_drone_that_flies_to_a_cancelled_package_goes_on_to_its_landing_and_is_free(place, capsys):
+    desk, name = place
+    step(desk, fly(TO_PACKAGE))
+    assert cancel(name) == 0
+    situation, why = step(desk)
+    assert situation.orders["blood"][0] == "cancelled"
+    assert why
+    (flight,) = situation.flights.values()
+    assert (flight[0], flight[1].steps) == ("ordered", (STEP,))
+    assert available(situation, AT_S)["d1"].place == "jacobi"
+    capsys.readouterr()
+    told = document(name, capsys)
+    assert (told["promised"], told["drone"]) == (None, None)
+
+
+def test_an_order_whose_package_is_aboard_is_refused_with_what_can_be_done(place, capsys):
+    desk, name = place
+    step(desk, fly(WITH_PACKAGE))
+    assert cancel(name) == 2
+    error = capsys.readouterr().err
+    assert "its package is aboard d1 and will be delivered; give a new order from bellevue to jacobi" in error
+    assert desk.get("cancel", "blood") is None
+
+
+def test_an_order_that_is_picked_up_between_the_request_and_the_step_is_not_cancelled(place, capsys):
+    desk, name = place
+    assert cancel(name) == 0
+    situation, why = step(desk, fly(WITH_PACKAGE))
+    assert situation.orders["blood"][0] == "under way"
+    assert not why
+    step(desk, close("delivered"))
+    capsys.readouterr()
+    assert Client(name).send("/orders/blood/cancel", None)[0] == 409
+    assert cancel(name) == 2
+    assert "it is delivered already" in capsys.readouterr().err
+    assert "aboard d1" in desk.get("cancel", "blood").document
+
+
+@pytest.mark.parametrize("state", ["delivered", "refused", "handed to a person"])
+def test_a_closed_order_is_not_cancelled_before_or_after_the_request(place, capsys, state):
+    desk, name = place
+    assert cancel(name) == 0
+    step(desk, close(state))
+    assert desk.get("order", "blood").state == state
+    assert desk.get("cancel", "blood").state == "refused"
+    assert cancel(name) == 2
+    assert f"blood cannot be cancelled: it is {state} already" in capsys.readouterr().err
+
+
+def test_an_unknown_order_names_the_nearest(place, capsys):
+    assert cancel(place[1], "blod") == 2
+    assert "did you mean blood?" in capsys.readouterr().err
+    status, text = Client(place[1]).send("/orders/blod/cancel", None)
+    assert (status, "did you mean blood?" in text) == (404, True)
+
+
+def test_over_http_it_is_accepted_then_done_or_in_conflict(place):
+    desk, name = place
+    client = Client(name)
+    assert client.send("/orders/blood/cancel", None)[0] == 202
+    step(desk)
+    status, text = client.send("/orders/blood/cancel", None)
+    assert (status, json.loads(text)["state"]) == (200, "cancelled")
+    assert json.loads(client.get("/orders/blood")[1])["cancelled_by"] == "HTTP API"
+    put_order(
+        desk,
+        Order(
+            **{field: getattr(BLOOD, field) for field in ("origin", "destination", "mass_kg", "ready", "due")},
+            id="swab",
+        ),
+    )
+    client.send("/orders/swab/cancel", None)
+    step(desk, lambda one: one.change_order("swab", "refused", one.orders["swab"][1]))
+    status, text = client.send("/orders/swab/cancel", None)
+    assert (status, "it is refused already" in text) == (409, True)
+
+
+def test_an_order_handed_to_a_person_keeps_no_promise(place, capsys):
+    desk, name = place
+
+    def hand_over(situation):
+        fly(WITH_PACKAGE)(situation)
+        Promises(situation, lambda _: None).hand_over("blood", situation.orders["blood"][1])
+
+    step(desk, hand_over)
+    told = document(name, capsys)
+    assert (told["state"], told["promised"], told["p95"], told["drone"]) == ("handed to a person", None, None, "d1")
+    assert read(desk.get("order", "blood"), OrderRecord).first is not None
+    assert json.loads(Client(name).get("/orders/blood")[1])["promised"] is None
+
+
+def test_a_closed_pad_is_opened_again_and_closed_again(place, capsys):
+    desk, name = place
+    closing = ["dispatch", "close", "bellevue", "1", "--ledger", name, "--until", "2013-07-10T18:00-04:00"]
+    opening = ["dispatch", "open", "bellevue", "--ledger", name]
+    for _ in range(2):
+        assert main(closing) == 0
+        assert len(step(desk)[0].pads) == 1
+        capsys.readouterr()
+        assert main(opening) == 0
+        assert capsys.readouterr().out == "pad 1 of bellevue is open again\n"
+        assert step(desk)[0].pads == {}
+        assert json.loads(Client(name).get("/status")[1])["out_of_order"] == []
+    assert main([*opening, "1"]) == 0
+    assert capsys.readouterr().out == "pad 1 of bellevue is not out of order\n"
+
+
+def test_the_dispatcher_hears_that_a_pad_was_opened(place):
+    desk, name = place
+    assert main(["dispatch", "close", "bellevue", "1", "--ledger", name, "--until", "2013-07-10T18:00-04:00"]) == 0
+    situation, why = Situation(desk), Reasons()
+    situation.read()
+    events = Events(situation, None, None, None, None)
+    events.take_pads(AT_S, Reasons())
+    assert main(["dispatch", "open", "bellevue", "1", "--ledger", name]) == 0
+    situation.read()
+    events.take_pads(AT_S, why)
+    assert why.general == ["pad bellevue 1 is back"]
