@@ -5,7 +5,7 @@ from datetime import timedelta
 from types import SimpleNamespace
 
 import pytest
-from fleet_runs import START
+from fleet_runs import START, FleetRun, flying, nothing_is_forgotten, order_line
 from test_fleet_api import Client, ledger  # noqa: F401  a fixture
 
 from skyway.cli.main import main
@@ -216,3 +216,19 @@ def test_the_dispatcher_hears_that_a_pad_was_opened(place):
     situation.read()
     events.take_pads(AT_S, why)
     assert why.general == ["pad bellevue 1 is back"]
+
+
+@pytest.mark.slow
+def test_a_drone_whose_order_is_cancelled_on_its_way_to_the_package_lands_there_and_comes_home(tmp_path):
+    run = FleetRun(tmp_path, [order_line("one", "jacobi", "bellevue")], ["d1,m200,bellevue,60\n"])
+    try:
+        run.start()
+        run.look(lambda desk: flying(desk, "to the package"))
+        assert cancel(run.ledger) == 2  # no such order
+        assert cancel(run.ledger, "one") == 0
+        run.wait()
+    finally:
+        run.stop()
+    status = nothing_is_forgotten(run)
+    assert [state for state, _ in status.orders.values()] == ["cancelled"]
+    assert [(state, one.place) for state, one in status.drones.values()] == [("standing", "bellevue")]
