@@ -76,7 +76,7 @@ class RobustParameters(Parameters):
         3, "routes whose margin is calibrated at most, if before they were better than the best one after; one on large networks", 1, 100
     )  # fmt: skip
     final_runs: int = parameter(
-        4000, "simulated deliveries behind the figures of the answer", 10, 10**6,
+        3900, "simulated deliveries behind the figures of the answer", 10, 10**6,
         measured="60 requests that nothing was tuned on: the means of two seeds are within 2 % in 93 % of the pairs; in 84 % with 2,400 and the comparison of before (decision 111)",
     )  # fmt: skip
     final_runs_large: int = parameter(1500, "the same on large networks", 10, 10**6)

@@ -277,7 +277,7 @@ def fly_command(there, *more):
 @pytest.mark.slow
 def test_manual_asks_at_the_terminal_before_the_take_off_and_again_for_what_is_no_answer(planned, tmp_path):
     with Served("px4") as there:
-        asked = [("yes or no?", "perhaps\n"), ("please answer", "yes\n")]
+        asked = [("yes or no?", "perhaps\n"), ("Please answer", "yes\n")]
         code, said = typed(fly_command(there, "--manual"), asked, tmp_path)
     assert code == 0, said
     assert "delivered at city-hall" in said
