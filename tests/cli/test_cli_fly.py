@@ -298,10 +298,10 @@ def test_no_is_an_answer_too_and_leaves_it_where_it_stands(planned, tmp_path):
 @pytest.mark.parametrize("autopilot", ["px4", "ardupilot"])
 def test_ctrl_c_twice_leaves_it_to_its_parameters_and_says_what_they_make_it_do(autopilot, planned, tmp_path):
     with Served(autopilot) as there:
-        keys = [("yes or no?", "yes\n"), ("in the air to", "\x03"), ("Ctrl-C again", "\x03")]
+        keys = [("yes or no?", "yes\n"), ("fly the leg", "\x03"), ("Ctrl-C again", "\x03")]
         code, said = typed(fly_command(there), keys, tmp_path)
         assert code == 3, said
-        assert "left to itself; it finishes its mission, lands and disarms there" in said
+        assert "leaves the drone to itself; it finishes its mission, lands and disarms there" in said
         end = time.monotonic() + 120.0
         while there.world.vehicles[1].autopilot.armed and time.monotonic() < end:
             time.sleep(0.5)
@@ -374,7 +374,7 @@ def test_ctrl_c_before_the_answer_leaves_it_on_the_ground_and_the_terminal_as_it
         assert not there.world.vehicles[1].autopilot.armed
         assert held(there) == before
     assert code == 1, said
-    assert "Ctrl-C: the vehicle stays at bellevue, disarmed" in said
+    assert "Ctrl-C: the drone stays at bellevue, disarmed" in said
 
 
 @pytest.mark.slow
@@ -392,5 +392,5 @@ def test_the_panel_lives_before_the_vehicle_is_found(planned, tmp_path):
     command[command.index("--connect") + 1] = f"udpin:127.0.0.1:{free_port(socket.SOCK_DGRAM)}"
     code, said = typed(command, [], tmp_path, 60.0)
     assert code == 3, said
-    assert "(0:03)" in said  # it counts the seconds
+    assert "(0:00:03)" in said  # it counts the seconds
     assert "no heartbeat" in said
