@@ -11,6 +11,7 @@ from skyway.missions.autopilots import NAMES
 from skyway.models.base.files import make_folder
 from skyway.models.base.formatting import distance_text, duration, zone_clock
 from skyway.models.base.units import from_posix
+from skyway.models.base.views import how_often
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -179,7 +180,7 @@ def tell_end(options: DemoOptions, outcome: Outcome) -> list[str]:
     records = read_journal(journal).records
     decided = [r for r in records if r.event == "decision"]
     turned = [r for r in decided if r.data.get("new_plan") or r.data.get("action") in ("station", "charge", "divert")]
-    times = "once" if len(turned) == 1 else f"{len(turned)} times"
+    times = how_often(len(turned))
     lines = [f"replanned {times}, with measurements from the flight:"] if turned else []
     lines += [f"  {zone_clock(from_posix(r.time_s), zone)}  {r.data['action']}: {r.reason}" for r in turned]
     report = options.folder / "report.html"

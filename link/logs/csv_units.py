@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from skyway.models.base import geodesy
 from skyway.models.base.formatting import with_unit
 from skyway.models.drones.telemetry import TelemetryTrack
 from skyway.models.wind.estimation.blocks import is_flying
@@ -33,7 +34,6 @@ FLIES_ON_W = 5.0
 MOST = {"power_w": (200e3, "milliwatts"), "voltage_v": (1500.0, "millivolts"), "current_a": (1000.0, "milliamperes")}
 """Mean in flight above which the unit is a thousandth."""
 ON_ROTORS = ("multirotor", "helicopter", "VTOL", "unknown")
-_M_PER_DEG = 111_320.0
 
 
 class UnitCheck:
@@ -65,7 +65,7 @@ class UnitCheck:
             return
         speed = np.hypot(values["vel_north_mps"], values["vel_east_mps"])[1:]
         lat, lon = values["lat_deg"], values["lon_deg"]
-        moved = _M_PER_DEG * np.hypot(np.diff(lat), np.diff(lon) * np.cos(np.radians(lat[1:])))
+        moved = geodesy.M_PER_DEG * np.hypot(np.diff(lat), np.diff(lon) * np.cos(np.radians(lat[1:])))
         steps = np.diff(time_s)
         chosen = (speed > MOVING_MPS) & np.isfinite(moved)
         self._flown_m += float((speed * steps)[chosen].sum())

@@ -20,6 +20,12 @@ MEASURED_S = 1.0
 MAX_DOUBTS = 10_000
 
 
+def kept_s(time_s: NDArray[np.float64]) -> float:
+    """Return for how long a measured wind counts among rows at these times: `KEPT_S`, or three rows where these are farther apart."""
+    steps_s = np.diff(time_s)
+    return max(KEPT_S, 3.0 * float(np.median(steps_s))) if len(steps_s) else KEPT_S
+
+
 @dataclass(frozen=True, slots=True)
 class KnownWind:
     """What of a flight's wind was known, and whether it was at the end."""

@@ -152,22 +152,23 @@ class RobustSearch:
 
         In the final evaluation, the drone may never leave, or its battery become empty; then the next candidate is finished, too.
         """
-        answers: list[RobustAnswer] = []
-        finished: list[Candidate] = []
+        most = 1 if self._large else self.parameters.finished_routes
+        answers: dict[Candidate, RobustAnswer] = {}
+        best: Candidate | None = None
         for number, one in enumerate(candidates):
-            best = self._ranked(finished)[0] if finished else None
-            if best and (self._late() or not self._is_compared(one) or one.order() >= best.order()):
-                break
-            if len(finished) == (1 if self._large else self.parameters.finished_routes):
-                break
+            if best is not None:
+                enough = self._late() or len(answers) == most
+                if enough or not self._is_compared(one) or one.order() >= best.order():
+                    break
             try:
-                answers.append(self.finish([one, *candidates[:number], *candidates[number + 1 :]]))
+                answer = self.finish([one, *candidates[:number], *candidates[number + 1 :]])
             except NoRouteError:
-                if not finished and number == len(candidates) - 1:
+                if best is None and number == len(candidates) - 1:
                     raise
             else:
-                finished.append(self._candidate(answers[-1].policy, answers[-1].out_of_sample))
-        return answers[finished.index(self._ranked(finished)[0])]
+                answers[self._candidate(answer.policy, answer.out_of_sample)] = answer
+                best = self._ranked(list(answers))[0]
+        return answers[self._ranked(list(answers))[0]]
 
     def finalists(self, candidates: list[Candidate]) -> list[Candidate]:
         """Order candidates again after more runs of the first few, and of those that are better except for the reserve.

@@ -29,7 +29,7 @@ from skyway.models.orders.rows import fault_at
 from skyway.scenarios import load_scenario
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterable, Sequence
 
     from skyway.dispatch.records import PadRecord
     from skyway.models.ledger.desk import Desk, Entry
@@ -73,19 +73,25 @@ def check_orders(desk: Desk, orders: Sequence[Order]) -> None:
     work = fit(_scenario(status.service.scenario), orders, [one.vehicle for _, one in status.drones.values()])
     wider, faults = work.scenario.network, []
     for one, fitted in zip(orders, work.orders, strict=True):
-        for field, text, place in (("from", one.origin, fitted.origin), ("to", one.destination, fitted.destination)):
-            station = wider.stations[wider.index[place]]
-            if not station.pads:
-                near = ", ".join(_nearest_pads(network, station))
-                faults.append(
-                    fault_at(one.source, field, "has no pads", text, f"a station with pads, the nearest are {near}")
-                )
+        written_as = {"from": one.origin, "to": one.destination}
+        for field, place in without_pads(network, fitted):
+            near = ", ".join(_nearest_pads(network, wider.stations[wider.index[place]]))
+            remedy = f"a station with pads, the nearest are {near}"
+            faults.append(fault_at(one.source, field, "has no pads", written_as[field], remedy))
         if one.due.timestamp() <= status.now_s:
             now = iso(from_posix(status.now_s))
             faults.append(
                 fault_at(one.source, "due", "has passed", iso(one.due), f"a time after {now}, the time of the service")
             )
     refuse(faults)
+
+
+def without_pads(network: Network, order: Order) -> list[tuple[str, str]]:
+    """Return field and place of each end of an order at which no drone of a service may land: without pads, or not of its network."""
+    pads = {one.id: one.pads for one in network.stations}
+    return [
+        (field, place) for field, place in (("from", order.origin), ("to", order.destination)) if not pads.get(place)
+    ]
 
 
 @lru_cache(maxsize=1)
@@ -116,9 +122,8 @@ def cancel_order(desk: Desk, order: str, by: str) -> str:
         raise InputError(unknown_order(desk, order))
     if entry.state == CANCELLED:
         return CANCELLED
-    carriers = [one.drone for _, one in Board(desk).read("flight", FlightRecord, ACTIVE).values() if one.order == order and one.phase == WITH_PACKAGE]  # fmt: skip
-    record = read(entry, OrderRecord)
-    reason = why_not(entry.state, record, carriers)
+    flights = [one for _, one in Board(desk).read("flight", FlightRecord, ACTIVE).values()]
+    reason = why_not(order, entry.state, read(entry, OrderRecord), flights)
     if reason:
         raise _not_cancelled(order, reason)
     asked = desk.get("cancel", order)
@@ -128,10 +133,11 @@ def cancel_order(desk: Desk, order: str, by: str) -> str:
     return "asked"
 
 
-def why_not(state: str, order: OrderRecord, carriers: list[str]) -> str:
-    """Return why an order in a state cannot be cancelled, and what can be done; empty if it can. The `carriers` fly with its package."""
+def why_not(name: str, state: str, order: OrderRecord, flights: Iterable[FlightRecord]) -> str:
+    """Return why an order in a state cannot be cancelled, and what can be done; empty if it can."""
     if state in CLOSED:
         return f"it is {state} already"
+    carriers = [one.drone for one in flights if one.order == name and one.phase == WITH_PACKAGE]
     if state == "aboard" or carriers:
         drone = carriers[0] if carriers else order.drone
         back = f"give a new order from {order.order.destination} to {order.order.origin} to have it brought back"

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from skyway.link.replay.known_wind import KEPT_S
+from skyway.link.replay.known_wind import kept_s
 from skyway.models.wind.triangle import speed_from
 from skyway.plots.pictures import CALM, INK, MUTED, ROUTE, new_figure, plain_axes, save_figure
 
@@ -51,9 +51,8 @@ def _line(axes: Any, minutes: Any, values: Any, color: str, label: str) -> None:
 
 def _pauses(found: Replay) -> NDArray[np.int64]:
     """Return the rows of the wind before which it was unknown, so that no line is drawn through that time."""
-    steps_s = np.diff(found.wind.time_s)
-    usual_s = float(np.median(steps_s)) if len(steps_s) else 0.0
-    return np.flatnonzero(steps_s > max(KEPT_S, 3.0 * usual_s)) + 1
+    time_s = found.wind.time_s
+    return np.flatnonzero(np.diff(time_s) > kept_s(time_s)) + 1
 
 
 def _draw_wind(upper: Any, lower: Any, found: Replay, zero: float) -> None:

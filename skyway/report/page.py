@@ -18,6 +18,7 @@ from skyway.models.base.formatting import (
     speed_text,
 )
 from skyway.models.base.units import from_posix
+from skyway.models.base.views import how_often
 from skyway.report.charts import charts
 from skyway.report.heights import drawn_heights
 from skyway.report.map import drawn_map
@@ -166,7 +167,7 @@ def _story(document: FlightReport) -> str:
     )
     if not lines:
         told = '<p class="none">Nothing: the first plan was flown.</p>'
-    sent = "once" if speeds == 1 else f"{speeds} times"
+    sent = how_often(speeds)
     return _section("What changed on the way", f"{told}<p class='soft'>The ground speed was changed {sent}.</p>")
 
 

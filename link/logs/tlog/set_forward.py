@@ -26,7 +26,7 @@ class SetForward:
     """Finds the places where the recorder's clock was set forward, and takes the steps out of the stamps.
 
     A companion computer without a battery for its clock starts at some old date, and is set when it finds a network. The stamps alone
-    look like a pause of the recording; in a pause, the clock of the vehicle goes on as well. If the vehicle started anew in
+    look like a pause of the recording; in a pause, the clock of the vehicle goes on as well. If the vehicle restarted in
     between, nothing is known of the step, and it stays.
     """
 

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 CLOCK_S, CLOCK_SHARE = 5.0, 0.02
 """A vehicle's clock that differs from the recorder's by more than this is reported."""
 RETURN_S, RETURNS = 2.0, 20
-"""A vehicle's clock that goes back by more than this, more often than it could have started anew, is that of two vehicles."""
+"""A vehicle's clock that goes back by more than this, more often than it could have restarted, is that of two vehicles."""
 LOST_S = 60.0
 """Steps longer than this are pauses of the recording, not of a clock."""
 

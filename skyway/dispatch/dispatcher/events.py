@@ -6,7 +6,7 @@ import math
 from typing import TYPE_CHECKING
 
 from skyway.dispatch.records import HANDED_OVER, LOST, STANDING, TO_PACKAGE, WITH_PACKAGE
-from skyway.dispatch.requests import why_not
+from skyway.dispatch.requests import why_not, without_pads
 from skyway.models.base.errors import InputError
 from skyway.models.base.formatting import duration
 from skyway.models.orders.fitting import fit
@@ -19,7 +19,6 @@ if TYPE_CHECKING:
     from skyway.dispatch.dispatcher.reasons import Reasons
     from skyway.dispatch.dispatcher.situation import Situation
     from skyway.dispatch.records import DroneRecord, End, FlightRecord, Progress
-    from skyway.models.orders.order import Order
     from skyway.models.scenario.scenario import Scenario
 
 LATE_S = 120.0
@@ -151,8 +150,7 @@ class Events:
         situation = self._situation
         for name, (_, request) in list(situation.cancels.items()):
             state, order = situation.orders.get(name) or situation.closed_order(name)
-            carriers = [one.drone for _, one in situation.flights.values() if one.order == name and one.phase == WITH_PACKAGE]  # fmt: skip
-            reason = why_not(state, order, carriers)
+            reason = why_not(name, state, order, (one for _, one in situation.flights.values()))
             situation.answer_cancel(name, reason)
             if reason:
                 self._say(f"{name} cannot be cancelled: {reason}")
@@ -180,22 +178,16 @@ class Events:
                 self._promises.refuse(name, record)
                 continue
             record.order, record.place = found.orders[0], found.orders[0].origin
-            record.reason = self._without_pads(record.order)
-            if record.reason:
+            if padless := without_pads(self._scenario.network, record.order):
+                field, place = padless[0]
+                record.reason = (
+                    f"{field} {place}: has no pads; the drones of this service land only at stations with pads"
+                )
                 self._promises.refuse(name, record)
                 continue
             record.reason = "not planned yet"
             situation.change_order(name, "new", record)
             why.general.append(f"order {name} came")
-
-    def _without_pads(self, order: Order) -> str:
-        """Return why no drone of the service may land at a place of an order; empty if both have pads."""
-        network = self._scenario.network
-        pads = {one.id: one.pads for one in network.stations}
-        for field, place in (("from", order.origin), ("to", order.destination)):
-            if not pads.get(place):
-                return f"{field} {place}: has no pads; the drones of this service land only at stations with pads"
-        return ""
 
     def take_pads(self, now_s: float, why: Reasons) -> None:
         """Process pads that are newly out of order, and those that are back in service."""

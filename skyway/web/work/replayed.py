@@ -48,7 +48,7 @@ def shown(path: str) -> dict[str, Any]:
 def _log(file: Path) -> dict[str, Any]:
     """Process a log as ``skyway replay`` does."""
     from skyway.link.logs.reader import open_log
-    from skyway.link.replay.known_wind import KEPT_S
+    from skyway.link.replay.known_wind import kept_s
     from skyway.link.replay.replay import replay
 
     found = replay(open_log(file))
@@ -57,8 +57,7 @@ def _log(file: Path) -> dict[str, Any]:
         raise InputError("has no telemetry", str(file))
     step = max(1, math.ceil(len(track) / MOST_ROWS))
     at = slice(None, None, step)
-    apart_s = float(np.median(np.diff(track.time_s))) if len(track) > 1 else 0.0
-    wind = _wind_at(found, track.time_s[at], max(KEPT_S, 3.0 * apart_s))
+    wind = _wind_at(found, track.time_s[at], kept_s(track.time_s))
     columns = {
         "time_s": track.time_s[at],
         "lat": track["lat_deg"][at],

@@ -21,7 +21,9 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
     from datetime import datetime
 
+    from skyway.models.ledger.desk import Desk
     from skyway.models.ledger.ledger import Hold
+    from skyway.models.network.station import Station
     from skyway.models.orders.fitting import Work
     from skyway.models.wind.ensemble import WindEnsemble
     from skyway.planner.dispatch.result import DispatchPlan
@@ -384,22 +386,15 @@ def close(
       skyway dispatch close bellevue 2 --ledger ledger.db --until 2013-07-10T18:00-04:00
     """
     from skyway.dispatch.records import PadRecord
-    from skyway.dispatch.region import Region
-    from skyway.dispatch.requests import close_pad, refuse_ended
-    from skyway.dispatch.status import status_of
+    from skyway.dispatch.requests import close_pad
     from skyway.models.ledger.desk import Desk
     from skyway.models.ledger.opening import open_ledger
 
     with open_ledger(ledger, create=False) as book:
         desk = Desk(book, holder)
-        status = status_of(desk)
-        refuse_ended(desk.get("service", "service"))
-        network = Region(status.service).base.network
-        found = network.stations[network.find(station)]
-        if pad > found.pads:
-            raise InputError("the station has no such pad", field="pad", value=pad, remedy=f"1 to {found.pads}")
+        now_s, found = _at(desk, station, pad)
         end_s = typed_values.parse_time(until, "--until").timestamp()
-        begin_s = status.now_s if begin is None else typed_values.parse_time(begin, "--from").timestamp()
+        begin_s = now_s if begin is None else typed_values.parse_time(begin, "--from").timestamp()
         if end_s <= begin_s:
             raise InputError("is not after the beginning", field="--until", value=until)
         record = PadRecord(station=found.id, pad=pad, from_s=begin_s, until_s=end_s, reason=reason)
@@ -421,21 +416,14 @@ def open_(
       skyway dispatch open bellevue --ledger ledger.db
       skyway dispatch open bellevue 2 --ledger ledger.db
     """
-    from skyway.dispatch.region import Region
-    from skyway.dispatch.requests import open_pads, refuse_ended
-    from skyway.dispatch.status import status_of
+    from skyway.dispatch.requests import open_pads
     from skyway.models.ledger.desk import Desk
     from skyway.models.ledger.opening import open_ledger
 
     with open_ledger(ledger, create=False) as book:
         desk = Desk(book, holder)
-        status = status_of(desk)
-        refuse_ended(desk.get("service", "service"))
-        network = Region(status.service).base.network
-        found = network.stations[network.find(station)]
-        if pad is not None and pad > found.pads:
-            raise InputError("the station has no such pad", field="pad", value=pad, remedy=f"1 to {found.pads}")
-        opened = open_pads(desk, found.id, pad, status.now_s, _user())
+        now_s, found = _at(desk, station, pad)
+        opened = open_pads(desk, found.id, pad, now_s, _user())
     for number in opened:
         typer.echo(f"pad {number} of {found.id} is open again")
     if not opened:
@@ -477,6 +465,21 @@ def cancel(
         )
     else:
         typer.echo(f"{order}: cancellation asked; no dispatcher runs, the next skyway dispatch run decides")
+
+
+def _at(desk: Desk, station: str, pad: int | None) -> tuple[float, Station]:
+    """Return the time of a running service, POSIX seconds, and the station that a text names; it must have the pad."""
+    from skyway.dispatch.region import Region
+    from skyway.dispatch.requests import refuse_ended
+    from skyway.dispatch.status import status_of
+
+    status = status_of(desk)
+    refuse_ended(desk.get("service", "service"))
+    network = Region(status.service).base.network
+    found = network.stations[network.find(station)]
+    if pad is not None and pad > found.pads:
+        raise InputError("the station has no such pad", field="pad", value=pad, remedy=f"1 to {found.pads}")
+    return status.now_s, found
 
 
 def _user() -> str:
