@@ -149,14 +149,18 @@ class MeanSpeeds:
         return self._table[np.minimum(np.arange(first, last + 1), self._count - 1)][:, segments]
 
     def fastest_mps(self, first: int, last: int) -> float:
-        """See `Speeds`.
+        """See `Speeds`."""
+        return float(self._fastest_mps[min(first, self._count - 1) : min(last, self._count - 1) + 1].max())
+
+    @cached_property
+    def _fastest_mps(self) -> NDArray[np.float64]:
+        """Speed that no mean over a segment exceeds, by slot.
 
         In a direction no member is faster than with the strongest tail wind of any site, and the mean of those that fly
         is no faster than that of those that always do or than the fastest of those that may not.
         """
-        air, rows = self._air, slice(min(first, self._count - 1), min(last, self._count - 1) + 1)
-        kept = self._probability > 0.0
-        north, east = air.north[kept, rows], air.east[kept, rows]
+        air, kept = self._air, self._probability > 0.0
+        north, east = air.north[kept, : self._count], air.east[kept, : self._count]
         angle = np.arange(_COURSES) * (2.0 * np.pi / _COURSES)
         wind = np.hypot(north, east)
         tail = (north[..., None] * np.cos(angle) + east[..., None] * np.sin(angle)).max(axis=2)
@@ -168,4 +172,4 @@ class MeanSpeeds:
             share.sum(axis=0), (share / speed).sum(axis=0), out=np.zeros(speed.shape[1:]), where=share.sum(axis=0) > 0.0
         )
         others = np.where(always[..., None], 0.0, speed).max(axis=0)
-        return float(np.maximum(mean, others).max())
+        return np.asarray(np.maximum(mean, others).max(axis=1), dtype=np.float64)

@@ -1,7 +1,7 @@
 """Gust kernels: flights through wind that varies about its hourly value.
 
 The gust at a time follows from a key and the time alone, so that every flight in the same sampled truth, on any route,
-meets the same gusts (but for what is older than `_WARM_UP` time constants at the take-off: below 0.1 %). Along and
+meets the same gusts (but for what is older than `_WARM_UP` time constants at the take-off: 5 % of a deviation). Along and
 across the wind each is an Ornstein-Uhlenbeck process sampled at steps k of `GUST_STEP_S` and held within each, in
 standard deviations:
 
@@ -32,7 +32,7 @@ LATERAL = 0.8
 """Gusts across the wind as a share of those along it (near the ground in neutral air 1.9 / 2.4)."""
 MAX_DEVIATION = 3.0
 """Gusts are cut off at this many standard deviations."""
-_WARM_UP = 7.0
+_WARM_UP = 3.0
 
 
 class Disturbance(NamedTuple):

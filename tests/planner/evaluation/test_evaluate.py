@@ -67,7 +67,7 @@ def realizations(newyork, request_, days):
 
 def plain_gust(key, begin, step, phi):
     """Gust of a step in a flight whose cruise begins in the step `begin`."""
-    first = begin - math.ceil(-7.0 / math.log(phi))
+    first = begin - math.ceil(-3.0 / math.log(phi))
     along, across = plain_normals(key, first)
     for k in range(first + 1, step + 1):
         one, other = plain_normals(key, k)
