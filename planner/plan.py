@@ -24,7 +24,7 @@ from skyway.planner.problem.request import Request
 from skyway.planner.problem.request_checks import check_apart
 from skyway.planner.registry import CLAIRVOYANT_PLANNERS, PLANNERS, ROBUST
 from skyway.planner.result import Comparison, PlanResult
-from skyway.planner.robust.robust import RobustSearch
+from skyway.planner.robust.robust import Look, RobustSearch
 from skyway.planner.schedule.outcome import later
 from skyway.planner.time_limit import beyond_limit, with_gap
 from skyway.planner.way_back import plan_there_and_back, with_way_back
@@ -283,41 +283,37 @@ def _plan_robust(
     parameters: PlannerParameters,
     time_limit_s: float,
 ) -> PlanResult:
-    """Compare routes for every drone, and finish the best: the composition tells its typical schedule."""
+    """Compare routes for every drone, and look at the best closer and closer until it is finished: the composition tells its typical schedule."""
     least_arrival, end_at = parameters.robust.min_arrival, time.perf_counter() + time_limit_s
-    searches: list[RobustSearch] = []
-    outcomes: list[Outcome] = []
+    started = time.perf_counter()
+    searches = [RobustSearch(problem, end_at=end_at) for problem in problems]
+    looks = {search.problem.drone.id: search.looks() for search in searches}
+    found: dict[str, Look] = {}
     errors: dict[str, InfeasibleError] = {}
-    spent = 0.0
-    for problem in problems:
-        started = time.perf_counter()
-        search = RobustSearch(problem, end_at=end_at)
+
+    def look(drone: str) -> None:
         try:
-            outcomes.append(search.candidates(quick=True)[0].outcome)
-            searches.append(search)
-        except InfeasibleError as error:
-            errors[problem.drone.id] = error
-        spent += time.perf_counter() - started
-    labels_expanded = 0
+            found[drone] = next(looks[drone])
+        except InfeasibleError as error:  # looked at closely, none of its routes will do: another drone may
+            errors[drone] = error
+            found.pop(drone, None)
+
+    for drone in looks:
+        look(drone)
     while True:
-        drones = [search.problem.drone.id for search in searches]
         told: dict[str, str] = {}
-        best = _best(objective, drones, outcomes, errors, told, least_arrival)
-        started = time.perf_counter()
-        try:
-            answer = searches[best].solve()
-        except InfeasibleError as error:  # looked at closely, none of its routes will do: the next best drone may
-            errors[drones[best]] = error
-            labels_expanded += searches.pop(best).labels_expanded
-            outcomes.pop(best)
-        else:
-            spent += time.perf_counter() - started
-            labels_expanded += sum(search.labels_expanded for search in searches)
-            told_result = robust_result(answer, spent, labels_expanded, rejected | told)
-            if all(search.complete for search in searches):
-                return beyond_limit(told_result, time_limit_s)
-            return with_gap(told_result, time_limit_s)
-        spent += time.perf_counter() - started
+        outcomes = [one.outcome for one in found.values()]
+        best = list(found)[_best(objective, list(found), outcomes, errors, told, least_arrival)]
+        answer = found[best].answer
+        if answer is not None:
+            break
+        look(best)
+    spent_s = time.perf_counter() - started
+    labels_expanded = sum(search.labels_expanded for search in searches)
+    result = robust_result(answer, spent_s, labels_expanded, rejected | told)
+    if all(search.complete for search in searches):
+        return beyond_limit(result, time_limit_s)
+    return with_gap(result, time_limit_s)
 
 
 def alternative_plans(result: PlanResult, count: int) -> list[PlanResult]:

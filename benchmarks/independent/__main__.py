@@ -42,6 +42,7 @@ def main(argv: list[str] | None = None) -> int:
         default=1.0,
         help="fly so many of the deliveries whose fixed route stays clear of the reserve, all of the others",
     )
+    parser.add_argument("--any-drone", action="store_true", help="plans choose who flies, of the fleet of the region")
     parser.add_argument("--seed", type=int, default=18)
     parser.add_argument(
         "--out", type=Path, help="JSON lines, one for each request and world; what is there is not flown again"
@@ -75,6 +76,7 @@ def main(argv: list[str] | None = None) -> int:
         options.now,
         options.flown_runs,
         options.share,
+        options.any_drone,
     )
     started = time.perf_counter()
     found = read_lines(options.out, study) if options.out is not None else []

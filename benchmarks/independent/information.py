@@ -19,6 +19,8 @@ class Order:
     depart_s: float
     payload_kg: float
     seed: int = 0
+    any_drone: bool = False
+    """The plan chooses who flies, of the region's fleet; else it is the usual drone."""
 
 
 @dataclass(frozen=True)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 import zlib
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from datetime import datetime
 from typing import TYPE_CHECKING, Any
 
@@ -60,6 +60,8 @@ class Study:
 
     share: float = 1.0
     """Of the deliveries whose fixed route stays clear of the reserve so many are flown (`screening`); of the others all."""
+    any_drone: bool = False
+    """Plans choose who flies, of the region's fleet; else it is the usual drone."""
 
     @property
     def documents(self) -> int:
@@ -70,7 +72,7 @@ class Study:
 def orders(study: Study) -> Iterator[Order]:
     """Draw orders: pairs of stations with pads, hours and days of the record, payloads."""
     if study.order:
-        yield written(study.order)
+        yield replace(written(study.order), any_drone=study.any_drone)
         return
     city = planning.city(study.city)
     ids = [name for name, pads in zip(city.ground.ids, city.ground.pads, strict=True) if pads]
@@ -81,7 +83,7 @@ def orders(study: Study) -> Iterator[Order]:
         start, end = rng.choice(ids, 2, replace=False)
         midnight = 86_400.0 * (math.floor(first / 86_400.0) + int(rng.integers(days)))
         depart = midnight + 3600.0 * int(rng.integers(*city.hour))
-        yield Order(str(start), str(end), depart, float(rng.uniform(*PAYLOADS_KG)), number)
+        yield Order(str(start), str(end), depart, float(rng.uniform(*PAYLOADS_KG)), number, study.any_drone)
 
 
 def written(text: str) -> Order:
@@ -144,7 +146,7 @@ def _flown(
     drawn: tuple[list[date], np.ndarray, list[tuple[int, ...]]],
 ) -> dict[str, Any]:
     of_run, shift, seeds = drawn
-    city, weight = planning.city(study.city), np.ones(len(seeds))
+    city, weight = planning.city(study.city, plan.request.drone or ""), np.ones(len(seeds))
     route: dict[str, Any] = {}
     if study.share < 1.0:
         setting = setting_for(world, city, order, shift, seeds)
@@ -165,6 +167,7 @@ def _flown(
             for run in range(len(seeds))
         ]
     return {
+        "drone": plan.request.drone,
         "weight": weight.tolist(),
         "run": [seed[-1] for seed in seeds],
         "promised_mean_s": promise.mean_s,

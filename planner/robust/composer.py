@@ -82,20 +82,20 @@ class Composer:
         labels = self.parameters.short_leg_labels if self._large else math.inf
         return self._compose(speeds, queues, self._short_margin, allowed, most_labels=labels)
 
-    def sparing(self, allowed: NDArray[np.bool_], *, quick: bool) -> Iterator[Itinerary]:
+    def sparing(self, allowed: NDArray[np.bool_]) -> Iterator[Itinerary]:
         """Return routes that save what the objective counts beside time, and early ones if stations close while drones charge; else none."""
         p = self.problem
         early = (Weights(per_h=1.0),) if p.closures else ()
-        late = (0.0, self.parameters.closing_late_s) if p.closures and not quick else (0.0,)
+        late = (0.0, self.parameters.closing_late_s) if p.closures else (0.0,)
         for weights, late_s in product((*p.request.objective.searched, *early), late):
-            for margin in self._margins[: 1 if quick or self._large else None]:
+            for margin in self._margins[: 1 if self._large else None]:
                 if self._is_late():
                     return
                 speeds = self._mean_speeds
                 labels = self.parameters.sparing_labels_large if self._large else self.parameters.sparing_labels
                 queues = self._expected_queues
                 search = LossSearch(p, queues, speeds, margin, allowed, weights, most_labels=labels, late_s=late_s)
-                yield from search.routes(1 if quick else self.parameters.sparing_routes)
+                yield from search.routes(self.parameters.sparing_routes)
                 self.labels_expanded += search.labels_expanded
 
     @cached_property
@@ -146,7 +146,7 @@ class Composer:
         """Compose the best route, or the best within a number of labels; without one, on large networks the first one found.
 
         The first one keeps to labels with spare charge; the best has less for winds other than the mean. A composed
-        route is stored: a quick search is followed by a whole one.
+        route is stored: short flights are composed for several comparisons.
         """
         key = speeds, margin, allowed.tobytes(), most_labels  # other queues belong to other speeds
         if key in self._composed:

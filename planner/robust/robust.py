@@ -13,7 +13,7 @@ from __future__ import annotations
 import math
 import time
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -27,6 +27,8 @@ from skyway.planner.robust.out_of_sample import PROMISING, OutOfSample, margin_f
 from skyway.planner.schedule.no_route import emptied_leg, no_route, runs_empty
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
     from numpy.typing import NDArray
 
     from skyway.planner.problem.error_model import Errors
@@ -50,6 +52,15 @@ class RobustAnswer:
     """Results out of sample."""
     candidates: tuple[Candidate, ...]
     """All compared routes, best first."""
+
+
+class Look(NamedTuple):
+    """What a search has found so far."""
+
+    outcome: Outcome
+    """Results of the best route, in the deliveries of the last comparison."""
+    answer: RobustAnswer | None = None
+    """At the end of the search."""
 
 
 MIN_HOLD_S = 60.0
@@ -94,11 +105,22 @@ class RobustSearch:
 
     def solve(self) -> RobustAnswer:
         """Search for the best route. Raises a `NoRouteError` if there is no route even without margin."""
-        candidates = self._with_other_waits(self._with_short_flights(self.finalists(self.candidates())))
+        return next(look.answer for look in self.looks() if look.answer is not None)
+
+    def looks(self) -> Iterator[Look]:
+        """Search for the best route, and return what is known of it after each comparison, the answer at last.
+
+        Each look takes a third of the time of a search, or less. A `NoRouteError` as in `solve`.
+        """
+        candidates = self.candidates()
+        yield Look(candidates[0].outcome)
+        candidates = self._with_other_waits(self._with_short_flights(self.finalists(candidates)))
+        yield Look(candidates[0].outcome)
         try:
-            return self._best_finished(candidates)
+            answer = self._best_finished(candidates)
         except NoRouteError:  # shorter flights may arrive
-            return self._best_finished([*sorted(self._of_short_flights(), key=Candidate.order), *candidates])
+            answer = self._best_finished([*sorted(self._of_short_flights(), key=Candidate.order), *candidates])
+        yield Look(answer.outcome, answer)
 
     def _of_short_flights(self) -> list[Candidate]:
         """Return routes of flights so short that hardly any wind makes them too long for the battery, over any station."""
@@ -262,11 +284,11 @@ class RobustSearch:
             policy, out_of_sample = fuller, again
         return policy, out_of_sample
 
-    def candidates(self, *, without: int | None = None, quick: bool = False) -> list[Candidate]:
+    def candidates(self, *, without: int | None = None) -> list[Candidate]:
         """Return routes of all composed problems, each once, best first.
 
-        No route may stop at the node `without`. A `quick` search ends with the first problem that has a route. A
-        `NoRouteError`: there is none even without margin, or none that can be flown to its end in the forecast.
+        No route may stop at the node `without`. A `NoRouteError`: there is none even without margin, or none that can be flown to its end in the
+        forecast.
         """
         p = self.problem
         likely_free_at = blocking_probabilities(p) <= self.parameters.full_share * p.epsilon
@@ -277,17 +299,17 @@ class RobustSearch:
         for allowed in (everywhere,) if few else (likely_free_at, everywhere):
             if without is not None:
                 allowed[without] = without in p.must_stop
-            if _flying(found) and (quick or self._large or likely_free_at.all() or self._late()):
+            if _flying(found) and (self._large or likely_free_at.all() or self._late()):
                 break
             for itinerary in self._composer.routes(
                 allowed, members=0 if found or self._large else self.parameters.sampled_members
             ):
                 self._add(found, itinerary)
-                if _flying(found) and (quick or self._late()):
+                if _flying(found) and self._late():
                     break
-            for itinerary in self._composer.sparing(allowed, quick=quick):
+            for itinerary in self._composer.sparing(allowed):
                 self._add(found, itinerary)
-            if found and not (_flying(found) and (quick or self._late())):
+            if found and not (_flying(found) and self._late()):
                 best = min(found.values(), key=Candidate.order).outcome
                 if self._waits_long(best, self.parameters.screen_runs):
                     self._add_short_flights(found, allowed)

@@ -120,6 +120,26 @@ def test_the_drone_that_arrives_first_is_chosen_and_the_others_say_why_not(newyo
         assert other.outcome.mean_s >= result.outcome.mean_s
 
 
+@pytest.mark.parametrize(
+    ("start", "to", "depart", "payload_kg"),
+    [
+        ("glen-cove", "kings-county", datetime(2013, 12, 4, 8, 8, tzinfo=UTC), 0.8),
+        ("edison", "st-johns-episcopal", datetime(2013, 4, 15, 4, 23, tzinfo=UTC), 1.3),
+        ("newark", "new-rochelle", datetime(2013, 2, 12, 22, 24, tzinfo=UTC), 1.4),
+    ],
+)
+def test_no_drone_of_the_fleet_would_be_expected_clearly_earlier(newyork, start, to, depart, payload_kg):
+    """Their first routes, before any comparison, suggest another drone: with it the delivery takes three times as long."""
+    request = Request(state=State(depart, start), destination=to, payload_kg=payload_kg)
+    wind = newyork.forecast(depart, HORIZON_H)
+    chosen = plan(newyork, request, forecast=wind)
+    for drone in newyork.drones:
+        if drone.max_payload_kg < payload_kg:
+            continue
+        alone = plan(newyork, replace(request, drone=drone.id), forecast=wind)
+        assert chosen.outcome.mean_s - depart.timestamp() <= 1.1 * (alone.outcome.mean_s - depart.timestamp())
+
+
 def test_a_delivery_can_start_in_the_air(newyork, steady):
     state = State(AFTERNOON, None, (40.70, -74.00), 0.6)
     request = Request(state=state, destination="montefiore", payload_kg=0.8, drone="m200")

@@ -126,11 +126,11 @@ def told_scenario(city: str, kept_back: str) -> Scenario:
     return replace(scenario, history=history, wind_sites=sites)
 
 
-@lru_cache(maxsize=4)
-def city(name: str) -> City:
-    """A region for the world: positions, pads, segments, strangers, the drone's data sheet, and the raw record."""
+@lru_cache(maxsize=8)
+def city(name: str, flown: str = "") -> City:
+    """A region for the world: positions, pads, segments, strangers, the data sheet of the drone flown, by default the usual one, and the raw record."""
     scenario = scenario_of(name)
-    drone = scenario.drone(DRONES[name])
+    drone = scenario.drone(flown or DRONES[name])
     network, rules, load = scenario.network, scenario.rules, scenario.load
     plane = Plane(float(np.mean(network.lat)), float(np.mean(network.lon)))
     ground = Ground(
@@ -220,7 +220,9 @@ def planned_on(scenario: Scenario, request: Request, forecast: WindEnsemble) -> 
         result = plan(scenario, request, planner="robust", forecast=forecast)
     except InfeasibleError:
         return None
-    return Planned(scenario, request, forecast, result, promise_of(result.outcome))
+    return Planned(
+        scenario, replace(request, drone=result.problem.drone.id), forecast, result, promise_of(result.outcome)
+    )
 
 
 def _now(
@@ -263,6 +265,6 @@ def request_of(name: str, order: Order) -> Request:
         state=State(datetime.fromtimestamp(order.depart_s, UTC), order.origin),
         destination=order.destination,
         payload_kg=order.payload_kg,
-        drone=DRONES[name],
+        drone=None if order.any_drone else DRONES[name],
         seed=order.seed,
     )

@@ -91,8 +91,7 @@ def test_robust_composes_no_route_twice(monkeypatch):
 
     monkeypatch.setattr(composer, "ExactSearch", Counted)
     search = robust.RobustSearch(problem)
-    search.candidates(quick=True)
-    search.candidates()
+    search.solve()
     assert len(set(composed)) == len(composed) > 0
 
 
