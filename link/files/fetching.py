@@ -25,6 +25,7 @@ TRIES = 3
 GROWS, GROWS_S = 15, 2.0
 """Number of times that a log that is still being written is followed to its new end, and the interval."""
 SAMPLE_BYTES = 180
+"""Bytes compared at both ends of local data without a checksum."""
 _CHUNK_BYTES = 1_000_000
 _SPARE_BYTES = 1_000_000
 
@@ -44,11 +45,15 @@ class Fetched:
     took_s: float
     notes: tuple[str, ...] = ()
     """Irregularities."""
+    grows: bool = False
+    """The vehicle still writes the log: this is its beginning, whose checksum the vehicle cannot report."""
 
     @property
     def verified_by(self) -> str:
         """Method by which the copy was verified."""
-        return f"size and CRC-32 {self.crc32:08x}" if self.by_crc else "size (this vehicle reports no checksum)"
+        if self.by_crc:
+            return f"size and CRC-32 {self.crc32:08x}"
+        return f"size ({'the log still grows' if self.grows else 'this vehicle reports no checksum'})"
 
     @property
     def rate_byteps(self) -> float:
@@ -71,7 +76,7 @@ def fetch(
 ) -> Fetched:
     """Fetch one log into a folder.
 
-    An existing file is extended if the log has grown since. Raises an `InputError` if it cannot be written or
+    An existing file is extended if the log has grown since. Of a log that grows all the time, the beginning is kept, with a note. Raises an `InputError` if it cannot be written or
     has other content, a `LinkError` if the vehicle, or the link, failed: then the received part is kept, and the same call continues
     from there.
     """
@@ -105,7 +110,41 @@ def _already(store: LogStore, log: LogAboard, path: Path) -> Fetched:
         raise _other(path, f"{size} bytes, and {log.size_bytes} on the vehicle")
     if theirs not in (None, ours):
         raise _other(path, "another checksum")
+    if theirs is None and not _same_ends(store, log, path, size):
+        raise _other(path, "the same size, but other data")
     return Fetched(path, size, ours, theirs is not None, 0, 0.0, ("it was already here",))
+
+
+def _same_ends(store: LogStore, log: LogAboard, path: Path, size_bytes: int) -> bool:
+    """Whether the vehicle's log has the same data at both ends of so many bytes of a file; a `LinkError` if they do not arrive."""
+    length = min(SAMPLE_BYTES, size_bytes)
+    with path.open("rb") as stream:
+        return all(
+            _sample(store, log, offset, length) == _at(stream, offset, length)
+            for offset in sorted({0, size_bytes - length})
+        )
+
+
+def _sample(store: LogStore, log: LogAboard, offset: int, length: int) -> bytes:
+    """Return some bytes of the log on the vehicle; fewer where it ends there."""
+    kept = BytesIO()
+    pieces = Pieces(kept, offset)
+    problem = ""
+    for _ in range(TRIES):
+        try:
+            read = store.read(log, pieces, offset + length)
+        except VehicleTimeoutError as error:
+            problem = str(error)
+            continue
+        if pieces.end >= offset + length or read.ended_early:
+            return kept.getvalue()
+        problem = read.problem
+    raise LinkError(f"{log.name}: {problem}; what was received before is kept: run the same command to continue")
+
+
+def _at(stream: BinaryIO, offset: int, length: int) -> bytes:
+    stream.seek(offset)
+    return stream.read(length)
 
 
 def _other(path: Path, differs: str) -> InputError:
@@ -150,29 +189,44 @@ class _Fetching:
         self._notes: list[str] = []
         self._anew = self._lied = False
 
-    def run(self) -> tuple[int, int, bool, int, float, tuple[str, ...]]:
+    def run(self) -> tuple[int, int, bool, int, float, tuple[str, ...], bool]:
         """Transfer it, compare it, and follow its growth; returns the fields of `Fetched` after the path."""
         self._enough_room()
         begin = self._resumable()
         self._anew = begin == 0
         self._refuse_other(begin)
-        transferring_s = 0.0
-        for _ in range(GROWS):
+        transferring_s, followed = 0.0, 0
+        while True:
             began_s = self._clock.now_s()
             self._transfer(begin)
             transferring_s += self._clock.now_s() - began_s
-            ours, theirs = file_crc32(self._part), self._store.crc32(self._log, self._size)
-            size = 0 if self._lied else self._store.size_bytes(self._log)
-            if size > self._size:
+            ours, theirs = file_crc32(self._part), None
+            size = self._size_now()
+            if size <= self._size:
+                theirs = self._store.crc32(self._log, self._size)
+                size = size if theirs in (None, ours) else self._size_now()  # it may have grown meanwhile
+            grows = size > self._size
+            if grows and followed < GROWS:
                 self._notes.append("it was still being written")
-                begin, self._size = self._size, size
+                begin, self._size, followed = self._size, size, followed + 1
                 self._store.vehicle.connection.run_for(GROWS_S)
-            elif theirs in (None, ours):
+            elif grows or theirs in (None, ours):
+                if grows:
+                    self._refuse_armed()
+                    self._notes.append("it still grows: this is its beginning; to add the rest, fetch it again")
                 notes = tuple(dict.fromkeys(self._notes))
-                return self._size, ours, theirs is not None, self._came, transferring_s, notes
+                return self._size, ours, theirs == ours, self._came, transferring_s, notes, grows
             else:
                 begin = self._differs(ours, theirs)
-        raise LinkError(f"{self._log.name} grows faster than the download: disarm the vehicle, then try again")
+
+    def _size_now(self) -> int:
+        """Present size of the log; 0 if the vehicle reports wrong sizes of it."""
+        return 0 if self._lied else self._store.size_bytes(self._log)
+
+    def _refuse_armed(self) -> None:
+        """Do not take the beginning of the log of a flight for the log."""
+        if self._store.vehicle.armed:
+            raise LinkError(f"{self._log.name} grows, and the vehicle is armed: disarm it, then try again")
 
     def _refuse_other(self, whole_bytes: int) -> None:
         """Refuse to replace a file that is not the beginning of this log: it is of another vehicle, or another card."""
@@ -211,24 +265,11 @@ class _Fetching:
         if not self._part.exists():
             return 0
         there = self._part.stat().st_size
-        if 0 < there <= self._size:
-            with self._part.open("rb") as stream:
-                same = all(
-                    self._sample(offset) == _at(stream, offset)
-                    for offset in {0, max(there - SAMPLE_BYTES, 0)}
-                    if offset + SAMPLE_BYTES <= there
-                )
-            if same:
-                self._notes.append(f"resumed after {bytes_text(there)}")
-                return there
+        if 0 < there <= self._size and _same_ends(self._store, self._log, self._part, there):
+            self._notes.append(f"resumed after {bytes_text(there)}")
+            return there
         self._notes.append("an earlier part belonged to another log; downloaded from the start")
         return 0
-
-    def _sample(self, offset: int) -> bytes:
-        """Return some bytes of the log on the vehicle."""
-        kept = BytesIO()
-        self._store.read(self._log, Pieces(kept, offset), min(offset + SAMPLE_BYTES, self._size))
-        return kept.getvalue()
 
     def _transfer(self, begin: int) -> None:
         """Read up to the size; broken transfers are resumed as long as they bring new data."""
@@ -268,14 +309,10 @@ class _Fetching:
         theirs = self._store.crc32(self._log, pieces.end)
         self._size, self._lied = pieces.end, True
         if theirs is None:
-            raise LinkError(f"{self._log.name}: {problem}; without a checksum its completeness is unknown")
+            kept = f"the {bytes_text(pieces.end)} that came are in {self._part.name}"
+            raise LinkError(f"{self._log.name}: {problem}; without a checksum its completeness is unknown; {kept}")
         self._notes.append(f"the vehicle reported a wrong size: {problem}")
 
     def _tell(self, end: int) -> None:
         if self._progress is not None:
             self._progress(end, self._size)
-
-
-def _at(stream: BinaryIO, offset: int) -> bytes:
-    stream.seek(offset)
-    return stream.read(SAMPLE_BYTES)

@@ -211,6 +211,42 @@ def test_a_log_that_is_still_written_is_followed_to_its_end(way, tmp_path):
     assert "still being written" in found.notes[0]
 
 
+@pytest.mark.parametrize(("family", "way"), BOTH)
+def test_a_link_that_is_silent_while_a_part_is_compared_costs_nothing_of_the_part(family, way, tmp_path):
+    depot = Depot(family, impairment=radio(), logs=(40_000,))
+    store = depot.store(way)
+    log = store.logs()[-1]
+    part = tmp_path / f"vehicle1-{log.name.replace('/', '-').lower()}.part"
+    part.write_bytes(depot.content()[:30_000])
+    depot.fault("log-stall")
+    with pytest.raises(LinkError, match="run the same command to continue"):
+        fetch(store, log, tmp_path)
+    assert part.read_bytes() == depot.content()[:30_000]
+
+
+@pytest.mark.parametrize("way", WAYS)
+def test_the_beginning_of_a_log_that_never_stops_growing_is_kept_and_said_to_be_that(way, tmp_path):
+    """As with LOG_DISARMED and SDLOG_MODE 2: the vehicle is disarmed, and logs."""
+    depot = Depot("ardupilot", impairment=radio(20_000.0), logs=(30_000,))
+    file = list(depot.vehicle.card.files.values())[-1]
+
+    def grow():
+        file.content += os.urandom(500)
+
+    depot.connection.every_second.append(grow)
+    store = depot.store(way)
+    found = fetch(store, store.logs()[-1], tmp_path)
+    assert found.path.read_bytes() == depot.content()[: found.size_bytes]
+    assert found.size_bytes > 30_000
+    assert (found.by_crc, found.grows) == (False, True)
+    assert found.verified_by == "size (the log still grows)"
+    assert "this is its beginning" in found.notes[-1]
+    depot.connection.every_second.remove(grow)
+    rest = fetch(store, store.logs()[-1], tmp_path)
+    assert rest.path.read_bytes() == depot.content()
+    assert rest.came_bytes == len(depot.content()) - found.size_bytes
+
+
 def test_a_vehicle_without_file_transfers_is_asked_for_logs(tmp_path):
     for family in FAMILIES:
         depot = Depot(family, faults=(parse_fault("no-ftp"),))
@@ -248,7 +284,7 @@ def test_a_size_that_is_a_lie_is_found_out(tmp_path):
     assert found.path.read_bytes() == depot.content()
     assert "wrong size" in found.notes[0]
     requests = depot.store("requests")
-    with pytest.raises(LinkError, match="should have 90000"):
+    with pytest.raises(LinkError, match=r"should have 90000.*30.0 kB that came are in vehicle1-.*\.part"):
         fetch(requests, requests.logs()[-1], tmp_path / "requests")
     shorter = Depot("px4", faults=(parse_fault("log-size=0.5"),))
     store = shorter.store("ftp")
@@ -291,6 +327,19 @@ def test_a_file_that_is_there_is_compared_and_never_overwritten(tmp_path):
     assert fetch(store, log, tmp_path).came_bytes == 0
     first.path.write_bytes(depot.content()[:-1] + b"?")
     with pytest.raises(InputError, match="exists already and differs"):
+        fetch(store, log, tmp_path)
+    assert fetch(store, log, tmp_path, force=True).path.read_bytes() == depot.content()
+
+
+def test_a_file_of_the_same_size_and_other_data_is_another_log_where_no_checksum_tells_them_apart(tmp_path):
+    """As after a card was formatted: the numbers begin again, and logs of flash memory have the sizes of its pages."""
+    depot = Depot("ardupilot", logs=(20_000,))
+    store = depot.store("requests")
+    log = store.logs()[-1]
+    first = fetch(store, log, tmp_path)
+    assert fetch(store, log, tmp_path).notes == ("it was already here",)
+    first.path.write_bytes(depot.content()[:200] + bytes(len(depot.content()) - 200))
+    with pytest.raises(InputError, match="the same size, but other data"):
         fetch(store, log, tmp_path)
     assert fetch(store, log, tmp_path, force=True).path.read_bytes() == depot.content()
 
