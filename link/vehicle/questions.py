@@ -131,11 +131,12 @@ class AskedVehicle(VehicleMonitor):
         """Set a parameter, and read it back.
 
         A late answer to an earlier question has the old value, like a refusal: only one that is told after each of
-        `SETS` tries is a refusal.
+        `SETS` tries is a refusal. A `CommandRefusedError` also states that the vehicle has set another value, such as its limit.
         """
         if not math.isfinite(value):
             raise InputError(Fault("not a finite number", field=name, value=value))
-        kind = self.parameter(name).kind
+        before = self.parameter(name)
+        kind = before.kind
         bytewise = self._bytewise()
         for _ in range(SETS):
             self.expect(f"parameter {name}")
@@ -147,7 +148,10 @@ class AskedVehicle(VehicleMonitor):
             if refused is not None:
                 break
         reason = "" if refused is None else f" ({PARAMETER_ERRORS.get(refused, f'error {refused}')})"
-        raise CommandRefusedError(f"set {name} to {value:g}", f"it is {after.value:g}{reason}", self.texts()[-1:])
+        is_now = f"it is {after.value:.9g}"
+        if not same_value(before.value, after.value, kind):
+            is_now = f"it is {after.value:.9g} now, and was {before.value:.9g} before"
+        raise CommandRefusedError(f"set {name} to {value:.9g}", f"{is_now}{reason}", self.texts()[-1:])
 
     def parameters(self) -> dict[str, ParameterValue]:
         """Read all parameters, by name."""

@@ -77,7 +77,7 @@ def usage_words(error: Any) -> str:
         return " ".join(error.format_message().split())
     found = cause.errors()[0]
     dashed = [one for one in parameter.opts if one.startswith("--")]
-    option, value, context = (dashed or [parameter.human_readable_name])[0], found.get("input"), found.get("ctx", {})
+    option, value, context = (dashed or [parameter.name])[0], found.get("input"), found.get("ctx", {})
     end = next((f"{context[key]:g} {words}" for key, words in _ENDS.items() if key in context), None)
     if end is not None:
         return str(Fault("out of range", field=option, value=value, remedy=end))

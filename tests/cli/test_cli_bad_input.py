@@ -144,6 +144,10 @@ def test_unknown_commands_and_options_are_usage_errors(refused):
     assert "no planner named" in refused("compare", *HOP, "--planners", ",")
 
 
+def test_a_wrong_argument_is_one_line_that_names_it(refused):
+    assert "value: is not a number (got 'on')" in refused("params", "set", "RTL_ALT", "on")
+
+
 @pytest.mark.parametrize(
     "words", [("params", "get"), ("clear",), ("health",), ("logs", "list"), ("params", "save", "a.param")]
 )

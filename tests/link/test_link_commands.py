@@ -102,6 +102,10 @@ def test_a_whole_parameter_is_not_set_to_a_fraction(run, sent):
         code, text = run("params", "set", "RTL_TYPE", "1.5", *sent, port=port)
         assert (code, text) == (2, "RTL_TYPE: is a whole number on the vehicle (got '1.5'); 2")
         assert there.world.vehicles[1].autopilot.parameters["RTL_TYPE"] == 0.0
+        code, text = run("params", "set", "RTL_TYPE", "3e9", *sent, port=port)
+        assert (code, text) == (2, "RTL_TYPE: does not fit this parameter of the vehicle (got '3e+09')")
+        code, text = run("params", "set", "RTL_TYPE", "nan", *sent, port=port)
+        assert (code, text) == (2, "RTL_TYPE: is not a finite number (got 'nan')")
 
 
 def test_a_mission_comes_with_the_parameters_it_needs(run, plan, tmp_path):

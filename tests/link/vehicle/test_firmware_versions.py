@@ -186,6 +186,15 @@ def test_a_refused_setting_is_told_with_the_vehicles_reason():
         scene.craft.set_parameter("WP_SPD", 12.0)
 
 
+def test_a_setting_that_the_vehicle_limits_is_told_with_its_value_now_and_before():
+    scene = aboard("ardupilot", "4.7")
+    store = scene.vehicle.autopilot.parameters
+    taken = store.set
+    store.set = lambda name, value, *how, **more: taken(name, min(value, 11.0), *how, **more)
+    with pytest.raises(LinkError, match="set WP_SPD to 12: it is 11 now, and was 10 before"):
+        scene.craft.set_parameter("WP_SPD", 12.0)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(("family", "version"), VERSIONS)
 def test_a_package_is_delivered_under_every_version(family, version, tmp_path):

@@ -120,17 +120,17 @@ def params_set(
       skyway params set RTL_ALT 6000 --yes --connect tcp:127.0.0.1:5760
     """
     from skyway.link.protocol.parameter_file import IMPLAUSIBLE
-    from skyway.link.protocol.parameters import is_whole
+    from skyway.link.protocol.parameters import is_whole, misfit
 
     with link.aboard() as vehicle:
         if yes:
             refuse_armed(vehicle, "set a parameter", allowed=armed)
         found = vehicle.parameter(name)
         before = found.value
-        if is_whole(found.kind) and math.isfinite(value) and value != round(value):
-            raise InputError(
-                "is a whole number on the vehicle", field=name, value=f"{value:.9g}", remedy=f"{value:.0f}"
-            )
+        why = misfit(value, found.kind)
+        if why:
+            whole = is_whole(found.kind) and math.isfinite(value) and value != round(value)
+            raise InputError(why, field=name, value=f"{value:.9g}", remedy=f"{value:.0f}" if whole else "")
         expected = vehicle.family.settings.range_left(name, value)
         if expected:
             raise InputError(IMPLAUSIBLE, field=name, value=f"{value:.9g}", remedy=expected)
