@@ -68,11 +68,6 @@ def parameter_lines(path: Path) -> list[ParameterLine]:
     return found
 
 
-def read_parameters(path: Path) -> dict[str, float]:
-    """Read a parameter file; errors are those of `parameter_lines`."""
-    return {line.name: line.value for line in parameter_lines(path)}
-
-
 def read_required(path: Path) -> tuple[Parameter, ...]:
     """Read the parameters that a mission needs, with their rules, as ``skyway mission`` writes them.
 

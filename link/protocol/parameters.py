@@ -232,13 +232,23 @@ class ListParameters(Exchange):
         self.found: dict[int, ParameterValue] = {}
         """By number."""
         self.total: int | None = None
-        """Number of parameters; None until the first arrives."""
+        """Latest reported number of parameters; None until the first arrives."""
+        self._renumbered = False
         self._heard_s = 0.0
 
     @property
     def complete(self) -> bool:
         """Whether all have arrived."""
-        return self.total is not None and len(self.found) >= self.total
+        return self.total is not None and len(self.found) >= self.total and not self._missing
+
+    @property
+    def consistent(self) -> bool:
+        """Whether their number stayed the same, and each has another name: otherwise they were renumbered, and some may be missing."""
+        return not self._renumbered and len({value.name for value in self.found.values()}) == self.total
+
+    @property
+    def _missing(self) -> list[int]:
+        return [number for number in range(self.total or 0) if number not in self.found]
 
     def begin(self, now_s: float) -> None:
         """Request all."""
@@ -253,7 +263,8 @@ class ListParameters(Exchange):
         index, count = message["param_index"], message["param_count"]
         if index >= count:
             return  # not of the list: a value that changes by itself, or was set by another station
-        self.total = max(count, self.total or 0)
+        self._renumbered = self._renumbered or self.total not in (None, count)
+        self.total = count
         if index not in self.found:  # whatever else comes again and again is no progress
             self._heard_s = now_s
             self.next_s = now_s + _LIST_QUIET_S
@@ -269,8 +280,7 @@ class ListParameters(Exchange):
         if self.total is None:
             self.send("PARAM_REQUEST_LIST")
         else:
-            missing = [number for number in range(self.total) if number not in self.found]
-            for number in missing[:_ASK_AT_ONCE]:
+            for number in self._missing[:_ASK_AT_ONCE]:
                 self.send("PARAM_REQUEST_READ", param_id="", param_index=number)
         self.next_s = now_s + max(self.round_trip.retry_s(1), 0.2)
 

@@ -24,6 +24,7 @@ from skyway.models.base.errors import (
     CommandRefusedError,
     Fault,
     InputError,
+    LinkError,
     ParameterAbsentError,
     VehicleTimeoutError,
 )
@@ -37,6 +38,8 @@ if TYPE_CHECKING:
 
 E_ = TypeVar("E_", bound="Exchange")
 _REQUEST_MESSAGE, _VERSION, _ANSWERS_S = 512, 148.0, 3.0
+_LISTS = 3
+"""Tries to read a list of parameters that changes meanwhile."""
 SETS = 4
 """Tries to set a parameter before the value it keeps is its answer."""
 
@@ -154,11 +157,17 @@ class AskedVehicle(VehicleMonitor):
         raise CommandRefusedError(f"set {name} to {value:.9g}", f"{is_now}{reason}", self.texts()[-1:])
 
     def parameters(self) -> dict[str, ParameterValue]:
-        """Read all parameters, by name."""
-        found = self._do(ListParameters(self.peer.target, bytewise=self._bytewise()))
-        if not found.complete:
-            raise VehicleTimeoutError(f"all parameters: {len(found.found)} of {found.total or 'unknown'} came", 8.0)
-        return {value.name: value for value in found.found.values()}
+        """Read all parameters, by name; once more from the beginning if their number changes meanwhile."""
+        before: dict[str, ParameterValue] = {}
+        for _ in range(_LISTS):
+            found = self._do(ListParameters(self.peer.target, bytewise=self._bytewise()))
+            if not found.complete:
+                raise VehicleTimeoutError(f"all parameters: {len(found.found)} of {found.total or 'unknown'} came", 8.0)
+            now = {value.name: value for value in found.found.values()}
+            if found.consistent or now.keys() == before.keys():
+                return now
+            before = now
+        raise LinkError("the vehicle's parameters change while they are read: run the command again")
 
     def check_required(self, wanted: Sequence[Parameter]) -> tuple[ParameterCheck, ...]:
         """Read the parameters that a mission relies on, under whichever of their names this firmware has.

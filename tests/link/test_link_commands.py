@@ -95,6 +95,18 @@ def test_parameters_are_read_set_and_compared(run, tmp_path):
         assert "NO_SUCH: file 1, vehicle has none" in text
 
 
+def test_a_comparison_with_nothing_is_no_agreement_and_a_camera_is_no_autopilot(run, tmp_path):
+    with served(tcp_port=0, autopilot="ardupilot") as there:
+        port = there.where()[1]
+        file = tmp_path / "p.params"
+        file.write_text("# nothing but this\n")
+        code, text = run("params", "diff", file, port=port)
+        assert (code, text) == (2, f"{file}: has no parameters of an autopilot; lines NAME,VALUE")
+        file.write_text("1\t1\tRTL_ALT\t1500\t6\n1\t100\tCAM_MODE\t2\t6\n")
+        code, text = run("params", "diff", file, port=port)
+        assert (code, text) == (0, "1 line for other components, ignored\nall 1 are as the file says\n")
+
+
 @pytest.mark.parametrize("sent", [(), ("--yes",)])
 def test_a_whole_parameter_is_not_set_to_a_fraction(run, sent):
     with served(tcp_port=0, autopilot="px4") as there:

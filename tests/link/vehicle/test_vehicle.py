@@ -280,6 +280,30 @@ def test_a_value_that_is_told_again_and_again_does_not_hold_up_the_list(family):
     assert scene.connection.clock.now_s() < begun_s + 60.0
 
 
+@pytest.mark.parametrize("family", FAMILIES)
+@pytest.mark.parametrize("appears", [True, False])
+def test_a_list_that_is_renumbered_while_it_is_read_is_read_again(family, appears):
+    """A parameter that switches others on was set: the sixth of the list appears, or vanishes, after the twentieth came."""
+    came, its, place = [], FrameWriter(1, 1), 5
+
+    def spoil(number, message, frame, up):
+        if message is None or up or message.name != "PARAM_VALUE":
+            return frame
+        came.append(message["param_index"])
+        if appears == (len(came) > 20):
+            return frame
+        index = message["param_index"]
+        if index == place:
+            return b""
+        fewer = {"param_count": message["param_count"] - 1, "param_index": index - (index > place)}
+        return its.frame("PARAM_VALUE", message.fields | fewer)
+
+    scene = aboard(family, spoil=spoil)
+    names = [one.name for one in scene.vehicle.autopilot.parameters]
+    wanted = set(names) if appears else set(names) - {names[place]}
+    assert set(scene.craft.parameters()) == wanted
+
+
 def test_a_list_that_never_comes_whole_is_given_up():
     def spoil(number, message, frame, up):
         return b"" if message is not None and message.name == "PARAM_VALUE" and message["param_index"] == 3 else frame

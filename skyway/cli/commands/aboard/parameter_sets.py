@@ -118,6 +118,11 @@ def asked(count: int, *, as_json: bool) -> bool:
     return typer.confirm(f"set {count} parameter{'' if count == 1 else 's'}?")
 
 
+def others_ignored(lines: int) -> str:
+    """Say that lines of a file do not concern the autopilot."""
+    return f"{counted(lines, 'line')} for other components, ignored"
+
+
 def _show(saved: SavedSet, difference: SetDifference) -> None:
     """Say what the set changes, and what it does not."""
     for change in difference.changes:
@@ -129,7 +134,7 @@ def _show(saved: SavedSet, difference: SetDifference) -> None:
     if difference.absent:
         typer.echo(f"unknown to the vehicle: {', '.join(difference.absent)}")
     if saved.of_others:
-        typer.echo(f"{saved.of_others} lines are for other components, and ignored")
+        typer.echo(others_ignored(saved.of_others))
     typer.echo(f"{len(difference.changes)} to change, {difference.same} as the file says")
 
 

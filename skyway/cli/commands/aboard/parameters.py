@@ -154,10 +154,12 @@ def params_diff(
     --------
       skyway params diff delivery.param --connect tcp:127.0.0.1:5760
     """
-    from skyway.link.protocol.parameter_file import read_parameters
+    from skyway.cli.commands.aboard.parameter_sets import others_ignored
+    from skyway.link.protocol.parameter_set import read_set
     from skyway.link.protocol.parameters import same_value
 
-    wanted = read_parameters(file)
+    saved = read_set(file)
+    wanted = saved.values
     with link.aboard() as vehicle:
         actual = vehicle.parameters()
     rows = []
@@ -171,6 +173,8 @@ def params_diff(
         for row in rows:
             has_it = "has none" if row.vehicle is None else f"{row.vehicle:.9g}"
             typer.echo(f"{row.name}: file {row.file:.9g}, vehicle {has_it}")
+        if saved.of_others:
+            typer.echo(others_ignored(saved.of_others))
         typer.echo(f"{len(rows)} of {len(wanted)} differ" if rows else f"all {len(wanted)} are as the file says")
     if rows:
         raise typer.Exit(1)
