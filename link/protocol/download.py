@@ -22,6 +22,8 @@ _FORGOTTEN_TRIES, _FORGOTTEN_COSTS, _DOUBTED_TRIES = 12, 2, 2
 _HEARD = frozenset(("MISSION_COUNT", "MISSION_ITEM_INT", "MISSION_ITEM", "MISSION_ACK"))
 _LACKS_COSTS = 4
 """One such answer may be a late one to an upload."""
+_WITHOUT_KINDS = 5
+"""Requests for another list that were answered with the mission; a late answer to an earlier request for it comes once or twice."""
 
 
 def wire_item(message: Message) -> WireItem:
@@ -57,6 +59,7 @@ class Download(Exchange):
         self._sent_s = 0.0
         self._progress = progress
         self._pause = False
+        self._answered_by_mission: set[int] = set()
 
     def begin(self, now_s: float) -> None:
         """Request the number of items."""
@@ -74,7 +77,10 @@ class Download(Exchange):
 
     def hear(self, message: Message, now_s: float) -> None:
         """Process the count, and item after item."""
-        if message.name not in _HEARD or message["mission_type"] != self.kind or self._pause:
+        if message.name not in _HEARD or self._pause:
+            return
+        if message["mission_type"] != self.kind:
+            self._hear_other(message)
             return
         if message.name == "MISSION_COUNT":
             if self._count is None:
@@ -95,12 +101,22 @@ class Download(Exchange):
         elif message["type"] != ACCEPTED:
             self._refused(message["type"], now_s)
 
+    def _hear_other(self, message: Message) -> None:
+        """Recognize a vehicle that knows missions only: it ignores the kind, and answers each request with its mission."""
+        if message.name != "MISSION_COUNT" or message["mission_type"] != MissionKind.MISSION or self._count is not None:
+            return
+        self._answered_by_mission.add(self._tries)
+        if len(self._answered_by_mission) >= _WITHOUT_KINDS:
+            self.lacks = True
+            self.problem = f"it answers with its mission, and does not know lists of this kind ({self.kind.word})"
+            self.finish()
+
     def _refused(self, answer: int, now_s: float) -> None:
         lacks = answer == UNSUPPORTED and self._count is None
         why = (
             f"it does not support lists of this kind ({self.kind.word})"
             if lacks
-            else f"it aborted it: {in_words(answer)}"
+            else f"it aborted the transfer: {in_words(answer)}"
         )
         self._pause = self._may_begin_again(_LACKS_COSTS if lacks else 1, why)
         if self._pause:

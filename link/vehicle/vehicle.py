@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from skyway.link.logs.common.vehicle_kind import MAV_KINDS
 from skyway.link.protocol.command import RESULTS, AskFor, Place, SetCurrent
-from skyway.link.protocol.download import Clear, Download
+from skyway.link.protocol.download import GIVE_UP_S, Clear, Download
 from skyway.link.protocol.mission_words import ACCEPTED, MissionKind, in_words
 from skyway.link.protocol.verified import (
     UploadJob,
@@ -28,6 +28,7 @@ from skyway.models.base.errors import (
     Fault,
     InputError,
     LinkError,
+    ListUnreadError,
     ListUnsupportedError,
     UploadMismatchError,
     VehicleTimeoutError,
@@ -353,7 +354,7 @@ class Vehicle(AskedVehicle):
         if down.lacks:
             raise ListUnsupportedError(f"tell its {kind.word}", down.problem)
         if down.items is None:
-            raise VehicleTimeoutError(f"download of its {kind.word}: {down.problem}", 10.0)
+            raise ListUnreadError(kind.word, down.problem, GIVE_UP_S)
         return down.items
 
     def download(self, kind: MissionKind) -> Part:
@@ -365,9 +366,12 @@ class Vehicle(AskedVehicle):
         return compare(part, self._download(kind_of(part)), self.family)
 
     def clear(self, kind: MissionKind) -> None:
-        """Clear one kind, and read back that it is gone."""
+        """Clear one kind, and read back that it is gone; nothing is sent where the vehicle has no such lists."""
         self._refuse_lists_of_version_1(kind)
         self.expect(kind.word)
+        if kind is not MissionKind.MISSION and self._do(Download(self.peer.target, kind)).lacks:
+            self._blocked.pop(kind, None)  # one that ignores the kind would clear its mission
+            return
         cleared = self._do(Clear(self.peer.target, kind))
         down = self._do(Download(self.peer.target, kind))
         left = 0 if down.lacks else None if down.items is None else len(down.items)

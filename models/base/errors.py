@@ -158,6 +158,14 @@ class VehicleTimeoutError(LinkError):
         self.what, self.waited_s = what, waited_s
 
 
+class ListUnreadError(VehicleTimeoutError):
+    """A list of the vehicle, such as its mission, did not arrive whole: no answer, or the vehicle aborted the transfer."""
+
+    def __init__(self, what: str, problem: str, waited_s: float) -> None:
+        super().__init__(f"download of its {what}: {problem}", waited_s)
+        self.args = (f"the vehicle's {what} could not be read: {problem}",)
+
+
 class CommandRefusedError(LinkError):
     """The vehicle refused a command."""
 

@@ -19,6 +19,7 @@ from skyway.missions.items.parameters import FlightNeeds
 from skyway.models.base.errors import (
     CommandRefusedError,
     InputError,
+    LinkError,
     ListUnsupportedError,
     ParameterAbsentError,
     StationConflictError,
@@ -249,6 +250,35 @@ def test_an_adapter_that_resembles_px4_says_itself_how_its_whole_parameters_trav
     assert craft.set_parameter(name, before + 1.0).value == before + 1.0
     assert scene.vehicle.autopilot.parameters[name] == before + 1.0
     assert craft.parameters()[name].value == before + 1.0
+
+
+@pytest.mark.parametrize("family", FAMILIES)
+@pytest.mark.parametrize("loss", [0.0, 0.2])
+def test_a_vehicle_that_ignores_the_kind_of_a_list_keeps_its_mission(family, loss):
+    """As stacks from before the field `mission_type`: they answer each request with the mission, and clear it."""
+
+    def spoil(number, message, frame, up):
+        kindless = message is None or not up or not message.fields.get("mission_type")
+        return frame if kindless else changed_frame(message, mission_type=0)
+
+    scene = aboard(family, spoil=spoil, impairment=bad_radio(loss))
+    assert scene.craft.upload(a_mission(5)).verified
+    with pytest.raises(ListUnsupportedError, match=r"it answers with its mission, and does not know .* \(fence\)"):
+        scene.craft.download(MissionKind.FENCE)
+    assert scene.craft.upload(a_fence()).state is UploadState.REFUSED
+    scene.craft.clear(MissionKind.RALLY)
+    assert len(scene.craft.download(MissionKind.MISSION)) == 5
+
+
+def test_a_list_that_the_vehicle_aborts_is_not_said_to_be_unanswered():
+    def spoil(number, message, frame, up):
+        aborts = not up and message is not None and message.name == "MISSION_COUNT"
+        refusal = {"target_system": 255, "target_component": 190, "type": 4, "mission_type": 0}
+        return FrameWriter(1, 1).frame("MISSION_ACK", refusal) if aborts else frame
+
+    scene = aboard("px4", spoil=spoil)
+    with pytest.raises(LinkError, match=r"mission could not be read: it aborted the transfer: not enough memory"):
+        scene.craft.download(MissionKind.MISSION)
 
 
 @pytest.mark.parametrize("family", FAMILIES)
