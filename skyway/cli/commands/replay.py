@@ -45,7 +45,10 @@ FOLLOWED = ("wind", "battery", "mission")
 
 def replay(
     log: LogFile,
-    speed: Annotated[str, typer.Option(help="Speed as a multiple of real time: 1, 10, max.")] = "max",
+    speed: Annotated[
+        str | None,
+        typer.Option(help="Speed as a multiple of real time: 1, 10, max. Default: max; with --connect 1."),
+    ] = None,
     begin: Annotated[str | None, typer.Option("--from", help="Start time in the log, H:MM:SS.")] = None,
     end: Annotated[str | None, typer.Option("--to", help="End time in the log, H:MM:SS.")] = None,
     system: System = None,
@@ -94,11 +97,13 @@ def replay(
       skyway replay flight.tlog --aboard
       skyway replay flight.tlog --connect udpout:127.0.0.1:14550 --control 5790
     """
-    factor = _speed(speed, connect)
+    factor = _speed(speed or ("max" if connect is None else "1"), connect)
     followed = _followed(follow)
     options.check_picture(plot)
     options.refuse_overwriting(plot, csv, force=force)
     _check_control(control, connect)
+    if connect is not None:
+        _refuse_results({"--plot": plot, "--csv": csv, "--follow": follow, "--json": as_json or None})
     if payload is not None and drone is None:
         raise InputError("needs --drone", field="--payload", value=payload, remedy="name the drone that carries it")
     log, system = _chosen(log, system, aboard, quiet=as_json)
@@ -277,6 +282,15 @@ def _check_control(control: int | None, connect: str | None) -> None:
         raise InputError("needs --connect", field="--control", value=control)
     if control is not None and not 0 <= control <= 65535:
         raise InputError("port out of range", field="--control", value=control, remedy="0 to 65535")
+
+
+def _refuse_results(asked: dict[str, object]) -> None:
+    """Refuse options of a report, which is not made while a log is sent."""
+    for option, value in asked.items():
+        if value is not None:
+            raise InputError(
+                "cannot be combined with --connect", field=option, remedy="run the command once without it"
+            )
 
 
 def _check_system(log: Log, system: int | None) -> None:

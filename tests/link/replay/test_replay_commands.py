@@ -218,6 +218,8 @@ def test_replay_at_a_finite_speed_takes_its_time(skyway, flight, monkeypatch):
         (("--wind", "strong"), "not a wind"),
         (("--plot", "flight.doc"), "not a picture format"),
         (("--control", "5000"), "needs --connect"),
+        (("--plot", "a.png", "--connect", "udpout:127.0.0.1:9"), "--plot: cannot be combined with --connect"),
+        (("--json", "--connect", "udpout:127.0.0.1:9"), "--json: cannot be combined with --connect"),
     ],
 )
 def test_replay_refuses_what_makes_no_sense_in_one_line(skyway, flight, arguments, message):
@@ -296,6 +298,15 @@ def test_replay_serves_the_log(skyway, flight):
     assert "sent 5520 packets" in text
     assert station.recv(2048)[0] == 0xFD
     station.close()
+
+
+def test_a_log_is_sent_in_real_time_unless_told_otherwise(skyway, flight, monkeypatch):
+    """A ground station can follow it, and loses no packets of a log sent at once."""
+    clock = [0.0]
+    monkeypatch.setattr("skyway.link.replay.server.time.monotonic", lambda: clock[0])
+    monkeypatch.setattr("skyway.link.replay.server.time.sleep", lambda s: clock.__setitem__(0, clock[0] + s))
+    skyway("replay", flight, "--to", "30", "--connect", "udpout:127.0.0.1:9")
+    assert clock[0] == pytest.approx(30.0, abs=0.5)
 
 
 def test_calibrate_wind_writes_a_drag_that_replay_uses(skyway, flight, tmp_path):
