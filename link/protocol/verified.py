@@ -10,7 +10,7 @@ from enum import Enum
 from typing import TYPE_CHECKING
 
 from skyway.link.protocol.download import Download
-from skyway.link.protocol.mission_words import MissionKind, in_words
+from skyway.link.protocol.mission_words import PASSING, MissionKind, in_words
 from skyway.link.protocol.upload import Upload, UploadEnd
 from skyway.link.protocol.verdict import AskVerdict
 from skyway.missions.autopilots.read_back import Difference, diff
@@ -276,7 +276,7 @@ class _Run:
         words = f"; it said: {' / '.join(said[-3:])}" if said else ""
         if up.end is UploadEnd.REFUSED:
             return f"{self._named(self._ours(up))}{in_words(up.answer)}{words}"
-        if up.end is UploadEnd.BROKEN:
+        if up.end is UploadEnd.BROKEN or (up.end is UploadEnd.SILENT and up.answer in PASSING):
             return f"the transfer was aborted: {in_words(up.answer)}{words}"
         return "the vehicle stopped answering" if up.end is UploadEnd.SILENT else ""
 

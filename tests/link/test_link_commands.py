@@ -360,6 +360,25 @@ def test_a_fence_that_is_left_from_another_mission_is_told(run, plan, tmp_path):
         assert (code, "not in the file" in text) == (0, False)
 
 
+@pytest.mark.parametrize(
+    ("name", "there", "message"),
+    [
+        ("m.kml", (), "m.kml: has a suffix that is not a mission format"),
+        ("m.waypoints", ("m.fence.waypoints",), "m.fence.waypoints: exists already"),
+        ("-", (), "-: is not a file"),
+    ],
+)
+def test_a_file_that_could_not_be_written_is_refused_before_anything_is_transferred(
+    run, tmp_path, name, there, message
+):
+    for one in there:
+        (tmp_path / one).write_text("other")
+    file = name if name == "-" else tmp_path / name
+    code, text = run("download", "-o", file, port=9)
+    assert code == 2
+    assert message in text
+
+
 @pytest.mark.parametrize("family", sorted(FAMILIES))
 def test_one_kind_of_list_is_downloaded_alone(run, tmp_path, family):
     everything, bare = tmp_path / "all.plan", tmp_path / "other.plan"

@@ -302,12 +302,14 @@ def download(
     from skyway.cli.views.link import DownloadReport
     from skyway.link.protocol.mission_words import MissionKind
     from skyway.missions import write
+    from skyway.missions.files.mission_file import files_of
     from skyway.missions.items.document import MissionDocument
     from skyway.missions.items.geofence import Geofence
     from skyway.missions.items.mission import Mission
     from skyway.missions.items.rally import RallyPoints
 
     options.refuse_overwriting(output, force=force)
+    options.refuse_overwriting(*files_of(MissionDocument(), output), force=force)
     kinds = list(MissionKind) if kind is Kind.ALL else [MissionKind[kind.name]]
     parts: list[Part] = []
     not_read = []

@@ -9,7 +9,7 @@ from wires import FAMILIES, Meddler, Scene, a_mission, as_stored, bad_radio, cha
 
 from skyway.link.protocol.connection import Connection
 from skyway.link.protocol.exchange import Target
-from skyway.link.protocol.mission_words import MissionKind
+from skyway.link.protocol.mission_words import MissionKind, in_words
 from skyway.link.protocol.upload import Upload, UploadEnd
 from skyway.link.protocol.verified import UploadJob, UploadState, upload_verified
 from skyway.link.vehicle.vehicle import Vehicle
@@ -270,6 +270,29 @@ def test_a_vehicle_that_never_takes_an_upload_says_so_within_half_a_minute(famil
     assert outcome.reason.startswith("the transfer was aborted")
     assert scene.stored() == before
     assert scene.lockstep.now_s < begun_s + 30.0
+
+
+@pytest.mark.parametrize("answer", [1, 14, 15])
+@pytest.mark.parametrize("family", FAMILIES)
+def test_a_vehicle_that_ends_each_transfer_in_its_middle_has_not_stopped_answering(family, answer):
+    scene, ended, its = with_old(family), [], FrameWriter(1, 1)
+    refused = {"target_system": 255, "target_component": 190, "type": answer, "mission_type": 0}
+
+    def spoil(number, message, frame, up):
+        name = "" if message is None else message.name
+        if name == "MISSION_COUNT" and up:
+            ended.clear()
+        if name == "MISSION_ITEM_INT" and up and message["seq"] >= 2:
+            if not ended:
+                scene.link.inner.inbox.append(its.frame("MISSION_ACK", refused))
+            ended.append(number)
+            return b""
+        return b"" if name.startswith("MISSION_REQUEST") and not up and ended else frame
+
+    scene.link.spoil = spoil
+    outcome = scene.upload(NEW)
+    assert not outcome.verified
+    assert outcome.reason.startswith(f"the transfer was aborted: {in_words(answer)}")
 
 
 @pytest.mark.parametrize("family", FAMILIES)
