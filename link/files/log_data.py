@@ -74,11 +74,12 @@ class ListLogs(Exchange):
         """Process one."""
         if message.name != "LOG_ENTRY":
             return
-        self._heard_s = now_s
-        self.next_s = now_s + max(self.round_trip.retry_s(1), 0.5)
+        number = message["id"]
+        if number not in self.found:  # an entry that comes again and again is no progress
+            self._heard_s = now_s
+        self.next_s = min(now_s + max(self.round_trip.retry_s(1), 0.5), self._heard_s + STALL_S)
         self._count = message["num_logs"]
         self._last = max(self._last, message["last_log_num"])
-        number = message["id"]
         if self._count:
             self.found[number] = LogEntry(number, message["size"], message["time_utc"])
         if len(self.found) >= self._count or number == self._only:

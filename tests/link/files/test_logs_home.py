@@ -18,7 +18,8 @@ from skyway.link.files.part_file import Pieces
 from skyway.link.files.wide_window import GAINS, GROWS, WideWindow
 from skyway.link.protocol.exchange import Exchange
 from skyway.link.vehicle.vehicle import Vehicle
-from skyway.models.base.errors import CommandRefusedError, InputError, LinkError
+from skyway.link.wire.frames import FrameWriter
+from skyway.models.base.errors import CommandRefusedError, InputError, LinkError, VehicleTimeoutError
 from skyway.sim_stub.faults import parse_fault
 from skyway.sim_stub.transports.channel import Impairment
 
@@ -245,6 +246,26 @@ def test_the_beginning_of_a_log_that_never_stops_growing_is_kept_and_said_to_be_
     rest = fetch(store, store.logs()[-1], tmp_path)
     assert rest.path.read_bytes() == depot.content()
     assert rest.came_bytes == len(depot.content()) - found.size_bytes
+
+
+@pytest.mark.parametrize("family", FAMILIES)
+def test_a_list_with_an_entry_that_never_comes_is_given_up(family):
+    """The vehicle answers each request for it, with other entries."""
+    its, wanted = FrameWriter(1, 1), 1 + (family == "ardupilot")
+
+    def spoil(number, message, frame, up):
+        if up or message is None or message.name not in ("LOG_ENTRY", "HEARTBEAT"):
+            return frame
+        if message.name == "LOG_ENTRY" and message["id"] == wanted:
+            return its.frame("LOG_ENTRY", message.fields | {"id": wanted - 1})
+        other = {"id": wanted - 1, "num_logs": 3, "last_log_num": wanted + 1, "size": 900}
+        return frame + (its.frame("LOG_ENTRY", other) if message.name == "HEARTBEAT" else b"")
+
+    depot = Depot(family, logs=(900, 2_000, 3_000), spoil=spoil)
+    begun_s = depot.connection.clock.now_s()
+    with pytest.raises(VehicleTimeoutError, match=r"list of its logs \(2 came\)"):
+        depot.store("requests").logs()
+    assert depot.connection.clock.now_s() < begun_s + 15.0
 
 
 def test_a_vehicle_without_file_transfers_is_asked_for_logs(tmp_path):
