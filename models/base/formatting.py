@@ -308,7 +308,7 @@ def clock(instant: datetime, zone: tzinfo, since: datetime, *, seconds: bool = F
     local, before = instant.astimezone(zone), since.astimezone(zone)
     days = (local.date() - before.date()).days
     name = f" {local:%Z}" if named and local.utcoffset() != before.utcoffset() else ""
-    return f"{local:%H:%M:%S}"[: 8 if seconds else 5] + name + (f" +{days}d" if days else "")
+    return f"{local:%H:%M:%S}"[: 8 if seconds else 5] + name + (f" {days:+d}d" if days else "")
 
 
 def later_text(later: Figure) -> str:

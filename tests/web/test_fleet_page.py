@@ -7,6 +7,7 @@ from datetime import UTC, datetime, timedelta
 
 import pytest
 
+from skyway.cli.main import main
 from skyway.dispatch.records import (
     WITH_PACKAGE,
     ChangeRecord,
@@ -135,6 +136,45 @@ def test_the_parts_tell_times_in_the_zone_that_is_preferred_and_no_text_is_a_scr
     assert "<svg" in utc["drones-when"]
     assert "<svg" in utc["pads-when"]
     assert not any("<img" in words for words in utc.values())
+
+
+def orders_of(ledger, preferences=None):
+    """The cells of the table of orders, by id."""
+    table = parts(told(str(ledger), "dispatch"), preferences or Preferences())["orders"]
+    rows = [re.findall(r"<td>(.*?)</td>", row) for row in re.findall(r"<tr[^>]*>(.*?)</tr>", table)]
+    return {cells[0]: cells[1:] for cells in rows if cells}
+
+
+def test_an_order_without_a_promise_shows_none_not_its_first_one(ledger):
+    with open_ledger(str(ledger)) as book:
+        desk = Desk(book, "dispatch")
+        order = Order(id="o3", origin="bellevue", destination="jacobi", mass_kg=0.3, ready=START, due=START)
+        first = Promise(drone="d1", fetched_s=BEGIN_S, delivered_s=BEGIN_S + 2400.0)
+        for name, state in (("o3", "handed to a person"), ("o4", "new")):
+            desk.put_down("order", name, state, written(OrderRecord(order=order, place="bellevue", first=first)))
+    promised = {name: cells[3] for name, cells in orders_of(ledger).items()}
+    assert promised == {"o1": "14:55 (first 14:40)", "o2": "", "o3": "", "o4": ""}
+
+
+def test_after_midnight_times_of_orders_are_those_of_the_command_line(ledger, capsys):
+    with open_ledger(str(ledger)) as book:
+        later = DroneRecord(
+            vehicle=Vehicle(id="d3", type="m200", home="bellevue", place="bellevue", soc=1.0), system=3, place="bellevue",
+            soc=0.9, measured_s=BEGIN_S + 20.0 * 3600.0,
+        )  # fmt: skip
+        desk = Desk(book, "dispatch")
+        desk.put_down("drone", "d3", "standing", written(later))
+        next_day = START + timedelta(hours=12)
+        order = Order(id="o3", origin="bellevue", destination="jacobi", mass_kg=0.3, ready=START, due=next_day)
+        desk.put_down("order", "o3", "new", written(OrderRecord(order=order, place="bellevue")))
+    shown = orders_of(ledger)
+    assert "2013-07-11" in parts(told(str(ledger), "dispatch"), Preferences())["head"]
+    assert shown["o1"][2:4] == ["14:22", "14:55 (first 14:40)"]
+    assert shown["o3"][2] == "02:00 +1d"
+    assert main(["orders", "list", "--ledger", str(ledger)]) == 0
+    listed = capsys.readouterr().out
+    assert "14:22" in listed
+    assert "02:00 +1d" in listed
 
 
 def test_a_name_that_is_too_long_for_a_chart_keeps_its_number(ledger):

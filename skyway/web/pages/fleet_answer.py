@@ -142,17 +142,18 @@ def _row(cells: Sequence[str], below: str) -> str:
 
 
 def _when(told: str | None, found: dict[str, Any], zone: tzinfo) -> str:
-    return "" if told is None else clock(parse_instant(told), zone, from_posix(found["now_s"]))
+    """Return a time of day, with the days since the service began, as the command line does; an earlier one has its date."""
+    if told is None:
+        return ""
+    at, begin = parse_instant(told), from_posix(found["begin_s"])
+    return clock(at, zone, begin) if at >= begin else date_clock(at, zone)
 
 
 def _orders(found: dict[str, Any], zone: tzinfo) -> str:
     rows = []
     for one in found["orders"]:
-        first = (
-            ""
-            if one["first_promised"] in (None, one["promised"])
-            else f" (first {_when(one['first_promised'], found, zone)})"
-        )
+        changed = one["promised"] is not None and one["first_promised"] not in {None, one["promised"]}
+        first = f" (first {_when(one['first_promised'], found, zone)})" if changed else ""
         rows.append((
             one["id"], one["state"], f"{one['from']} > {one['to']}", _when(one["due"], found, zone), f"{_when(one['promised'], found, zone)}{first}",
             _when(one["delivered"], found, zone), one["drone"] or "", one["reason"],

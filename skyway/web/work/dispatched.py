@@ -32,7 +32,7 @@ def told(ledger: str, holder: str) -> dict[str, Any]:
             one["lat"], one["lon"] = _places(status.service.scenario).get(one["place"], (None, None))
         one["shown"], one["place"], one["doing"] = status.shown(one["id"])
     return document | {
-        "timezone": _timezone(status.service.scenario), "now_s": status.now_s, "alarms": alarms(status), "doing": _doing(status),
+        "timezone": _timezone(status.service.scenario), "begin_s": status.service.begin_s, "now_s": status.now_s, "alarms": alarms(status), "doing": _doing(status),
         "booked": _booked(status), "whole": len(status.drones),
     }  # fmt: skip
 

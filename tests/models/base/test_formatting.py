@@ -162,6 +162,12 @@ def test_however_uncertain_a_time_is_it_is_told_to_a_twentieth(value, below, abo
     assert words.rounded_s(figure) == pytest.approx(value, rel=0.0501)
 
 
+def test_a_time_of_an_earlier_day_has_the_days_before():
+    midnight = datetime(2013, 7, 11, tzinfo=UTC)
+    assert words.clock(midnight - timedelta(minutes=5), UTC, midnight) == "23:55 -1d"
+    assert words.clock(midnight + timedelta(minutes=5), UTC, midnight - timedelta(minutes=5)) == "00:05 +1d"
+
+
 def test_after_the_clock_was_changed_times_name_their_zone():
     zone = ZoneInfo("America/New_York")
     spring, autumn = (datetime(2013, *day, tzinfo=UTC) for day in ((3, 10, 6, 30), (11, 3, 5, 30)))
