@@ -19,6 +19,7 @@ from skyway.web.folder import Folder
 from skyway.web.guard import BROWSER, browser
 from skyway.web.live.flights import Flights
 from skyway.web.live.journal_tail import LONGEST, JournalTail
+from tests.web.browsing import chromium, person
 from tests.web.conftest import ROOT
 
 NAME = "2026-01-01-a-b"
@@ -225,6 +226,22 @@ def test_the_command_of_a_flight_is_that_of_a_person_and_is_continued_only_if_it
     for other in (["sim"], [], ["fly", "x"], ["plan", "--journal", str(journal)]):
         with pytest.raises(InputError, match="not started here"):
             resumed(other, journal)
+
+
+@pytest.mark.slow
+def test_a_name_stays_while_it_is_typed(page):
+    written(page.folder)
+    with chromium() as here, person(here, page.address, f"/fly?flight={NAME}") as tab:
+        tab.wait_for_selector("#my-name")
+        tab.focus("#my-name")
+        tab.keyboard.type("Ana")
+        for _ in range(2):  # what is shown is drawn anew with each
+            with tab.expect_response("**/api/fleet"):
+                pass
+        tab.keyboard.type("bel")
+        assert tab.input_value("#my-name") == "Anabel"
+    for file in page.folder.glob(f"{NAME}.*"):
+        file.unlink()
 
 
 @pytest.mark.slow

@@ -214,7 +214,7 @@ export default {
     me() {
       return h("div", { class: "line me" }, [
         h("label", { for: "my-name" }, "Your name, for the journal"),
-        h("input", { id: "my-name", type: "text", maxlength: 40, value: this.name, autocomplete: "off", onChange: (e) => this.called(e.target.value) }),
+        h("input", { id: "my-name", type: "text", maxlength: 40, value: this.name, autocomplete: "off", onInput: (e) => this.called(e.target.value) }),
       ]);
     },
   },
