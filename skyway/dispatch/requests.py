@@ -153,6 +153,19 @@ def cancellation(desk: Desk, order: str) -> str:
     return "asked" if entry is not None and entry.state == "asked" else CANCELLED
 
 
+def cancellation_told(desk: Desk, order: str) -> tuple[bool, str]:
+    """Return whether a dispatcher that runs has yet to answer the request to cancel an order, and what became of it, in words.
+
+    Raises a `NotCancelledError` if it was refused.
+    """
+    led = desk.ledger.led(desk.dispatcher)
+    if cancellation(desk, order) != "asked":
+        return False, f"{order} is cancelled"
+    if led:
+        return True, f"{order}: cancellation asked; the dispatcher has not answered yet"
+    return False, f"{order}: cancellation asked; no dispatcher runs, the next skyway dispatch run decides"
+
+
 def _not_cancelled(order: str, reason: str) -> NotCancelledError:
     return NotCancelledError(f"{order} cannot be cancelled: {reason}")
 

@@ -1,4 +1,4 @@
-"""Documents that scripts of the page fetch, and the two that they send: files, and commands to a flight. No GET changes anything."""
+"""Documents that scripts of the page fetch, and those that they send: files, commands to a flight, cancelled orders of a fleet. No GET changes anything."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from fastapi.responses import JSONResponse
 from starlette.staticfiles import StaticFiles
 
 from skyway.link.supervisor.command.request_file import Request as OrderRequest
-from skyway.models.base.errors import InputError, SkywayError
+from skyway.models.base.errors import InputError, SkywayError, one_line
 from skyway.models.base.files import read_bytes
 from skyway.web.folder import LOGS, MISSIONS, REPORTS, safe_name
 from skyway.web.guard import browser
@@ -32,6 +32,8 @@ if TYPE_CHECKING:
 
 TAKEN = (*MISSIONS, *LOGS, ".json", ".geojson", ".param", ".toml")
 """Endings of files that may be uploaded."""
+ANSWER_S, ANSWER_EVERY_S = 30.0, 0.5
+"""How long the answer of a dispatcher is waited for, and how often it is looked for."""
 MAX_REPORT = 64 * 2**20
 """Bytes of a report of the folder."""
 
@@ -49,6 +51,19 @@ class Order(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         """Return it in the form of the supervisor."""
         name = self.name.strip() or f"operator {who[:4]}"
         return OrderRequest(id=self.id, word=self.word, who=who, name=name, time_s=time.time(), about=self.about)
+
+
+class Cancel(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """A request from a browser to cancel an order of a fleet."""
+
+    ledger: Annotated[str, msgspec.Meta(max_length=300)]
+    holder: Annotated[str, msgspec.Meta(max_length=300)]
+    order: Annotated[str, msgspec.Meta(min_length=1, max_length=300)]
+    name: Annotated[str, msgspec.Meta(max_length=40)] = ""
+
+    def by(self, who: str) -> str:
+        """Return who asks, for the records of the fleet."""
+        return one_line(self.name).strip() or f"operator {who[:4]}"
 
 
 async def _waited_for(request: Request, work: Coroutine[Any, Any, Any]) -> Any:
@@ -84,6 +99,7 @@ def add(app: FastAPI, site: Site) -> None:
     app.mount("/static", StaticFiles(directory=str(resources.files("skyway.web") / "static")))
     _logs(app, site)
     _base_maps(app, site)
+    _fleets(app, site)
 
     @app.get("/api/region")
     async def region(request: Request) -> Response:
@@ -118,23 +134,6 @@ def add(app: FastAPI, site: Site) -> None:
         since = request.query_params.get("since", "0")
         told = await site.fleet.positions(int(since) if since.isdecimal() and len(since) < 16 else 0)
         return Response(msgspec.json.encode(told), media_type="application/json", headers={"cache-control": "no-store"})
-
-    @app.get("/api/dispatch")
-    async def dispatched(request: Request) -> Response:
-        name, holder = (request.query_params.get(one, "")[:300] for one in ("ledger", "holder"))
-        try:
-            if not name.lower().endswith(LEDGERS):
-                raise InputError("is not a ledger of the work folder", field="--ledger", value=name)
-            found = await site.workers.ask("dispatched.told", str(site.folder.existing(name)), holder)
-        except SkywayError as error:
-            return JSONResponse({"error": str(error)}, 422)
-        vehicles = [
-            {"id": one["id"], "name": one["id"], "lat": one["lat"], "lon": one["lon"], "stale": one["state"] == "lost"}
-            for one in found["drones"]
-            if one["lat"] is not None
-        ]
-        shown = fleet_answer.parts(found, Preferences.of(request.cookies))
-        return JSONResponse({"parts": shown, "vehicles": vehicles}, headers={"cache-control": "no-store"})
 
     @app.get("/api/flight")
     async def flight(request: Request) -> Response:
@@ -174,6 +173,54 @@ def add(app: FastAPI, site: Site) -> None:
         except SkywayError as error:
             return JSONResponse({"error": str(error)}, 422)
         return JSONResponse({"name": kept})
+
+
+def _fleets(app: FastAPI, site: Site) -> None:
+    """Add the status of fleets, and the cancellation of their orders."""
+
+    @app.get("/api/dispatch")
+    async def dispatched(request: Request) -> Response:
+        name, holder = (request.query_params.get(one, "")[:300] for one in ("ledger", "holder"))
+        try:
+            found = await site.workers.ask("dispatched.told", _ledger(site, name), holder)
+        except SkywayError as error:
+            return JSONResponse({"error": str(error)}, 422)
+        vehicles = [
+            {"id": one["id"], "name": one["id"], "lat": one["lat"], "lon": one["lon"], "stale": one["state"] == "lost"}
+            for one in found["drones"]
+            if one["lat"] is not None
+        ]
+        wanted = Preferences.of(request.cookies)
+        shown = {"parts": fleet_answer.parts(found, wanted), "cancellable": fleet_answer.cancellable(found, wanted)}
+        return JSONResponse(shown | {"vehicles": vehicles}, headers={"cache-control": "no-store"})
+
+    @app.post("/api/dispatch/cancel")
+    async def cancelled(request: Request) -> Response:
+        """Ask for the cancellation of an order, and wait for some time for the answer of the dispatcher."""
+        who = browser(request.headers)
+        if not who:
+            return JSONResponse({"error": "this browser has no session: open the page first"}, 403)
+        try:
+            asked = msgspec.json.decode(await request.body(), type=Cancel)
+        except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
+            return JSONResponse({"error": f"is not a cancellation: {error}"}, 422)
+        until_s = time.monotonic() + ANSWER_S
+        try:
+            where = _ledger(site, asked.ledger), asked.holder, asked.order
+            answer = await site.workers.ask("dispatched.cancel", *where, asked.by(who))
+            while answer["waits"] and time.monotonic() < until_s:
+                await asyncio.sleep(ANSWER_EVERY_S)
+                answer = await site.workers.ask("dispatched.cancellation", *where)
+        except SkywayError as error:
+            return JSONResponse({"error": str(error)}, 409)
+        return JSONResponse(answer)
+
+
+def _ledger(site: Site, name: str) -> str:
+    """Return the path of a ledger of the work folder."""
+    if not name.lower().endswith(LEDGERS):
+        raise InputError("is not a ledger of the work folder", field="--ledger", value=name)
+    return str(site.folder.existing(name))
 
 
 def _logs(app: FastAPI, site: Site) -> None:

@@ -94,8 +94,8 @@ class FlightPanel(OnMap, component="static/flights.js", esm={"skyway-flight": "s
         self.update()
 
 
-class FleetBoard(ui.element, component="static/fleet.js"):
-    """Status of a fleet, in parts that the browser fetches, and its drones on the map: ``static/fleet.js``.
+class FleetBoard(ui.element, component="static/fleet.js", esm={"skyway-flight": "static/flight"}):
+    """Status of a fleet, in parts that the browser fetches, its drones on the map, and the cancellation of orders: ``static/fleet.js``.
 
     Parameters
     ----------

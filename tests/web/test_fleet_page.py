@@ -210,3 +210,25 @@ def test_the_page_shows_the_fleet_and_reads_no_file_outside_of_its_folder(ledger
             assert "--ledger ledger.db" in tab.inner_text("#fleet-command")
     finally:
         ended(page)
+
+
+@pytest.mark.slow
+def test_old_data_are_called_old_and_those_of_one_ledger_are_not_shown_for_another(ledger, tmp_path):
+    from tests.web.conftest import ended, served
+
+    (tmp_path / "junk.db").write_bytes(b"not a database" * 100)
+    page = served(tmp_path)
+    try:
+        with chromium() as browser, person(browser, page.address, "/fleet?ledger=ledger.db", minds=False) as tab:
+            tab.get_by_text("d2 is lost").wait_for()
+            tab.get_by_role("combobox", name="Ledger").select_option("junk.db")
+            tab.get_by_text("junk.db: cannot be used as a ledger", exact=False).wait_for()
+            assert tab.get_by_text("d2 is lost").count() == 0
+            tab.get_by_role("combobox", name="Ledger").select_option("ledger.db")
+            tab.get_by_text("d2 is lost").wait_for()
+            page.kill()
+            tab.get_by_text("The page's server does not answer: the data shown are old.").wait_for()
+            assert tab.evaluate("window.skywayMap.state.vehicles.every((one) => one.stale)")
+            assert tab.get_by_text("d2 is lost").count() == 1
+    finally:
+        ended(page)

@@ -51,7 +51,6 @@ class FleetPage:
                 key("vehicle", "station", "zone")
             with ui.element("section").classes("panel answer").props('aria-label="Fleet" tabindex=0'):
                 self.board = FleetBoard(PARTS)
-                self.board.on("failed", lambda event: self.status.tell(str(event.args), wrong=bool(event.args)))
         self._list()
         self._show()
 

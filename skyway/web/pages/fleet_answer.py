@@ -47,6 +47,19 @@ def parts(found: dict[str, Any], wanted: Preferences) -> dict[str, str]:
     }
 
 
+def cancellable(found: dict[str, Any], wanted: Preferences) -> list[dict[str, str]]:
+    """Return the orders that can be cancelled, with words for a list."""
+    zone, rows = wanted.zone(found["timezone"]), []
+    orders = {one["id"]: one for one in found["orders"]}
+    for name in found["cancellable"]:
+        one = orders[name]
+        state = "cancellation asked" if name in found["asked"] else one["state"]
+        rows.append(
+            {"id": name, "words": f"{name}: {one['from']} > {one['to']}, due {_when(one['due'], found, zone)}, {state}"}
+        )
+    return rows
+
+
 def _head(found: dict[str, Any], zone: tzinfo) -> str:
     counts: dict[str, int] = {}
     for one in found["orders"]:

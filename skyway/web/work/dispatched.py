@@ -1,4 +1,4 @@
-"""A fleet for the fleet page: the data of `skyway dispatch status`, and the timelines of drones and pads."""
+"""A fleet for the fleet page: the data of `skyway dispatch status`, the timelines of drones and pads, and requests to cancel an order."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
 from skyway.dispatch.attention import alarms
+from skyway.dispatch.requests import cancel_order, cancellation_told, why_not
 from skyway.dispatch.status import Status, document_of, status_of
 from skyway.models.base.formatting import natural
 from skyway.models.ledger.desk import Desk
@@ -25,7 +26,8 @@ SHOWN = 1.645
 def told(ledger: str, holder: str) -> dict[str, Any]:
     """Return the status of a fleet. Raises an `InputError` if the file is not a ledger, or has no service."""
     with open_ledger(ledger, create=False) as book:
-        status = status_of(Desk(book, holder))
+        desk = Desk(book, holder)
+        status, asked = status_of(desk), [one.id for one in desk.entries("cancel", ("asked",))]
     document = document_of(status)
     for one in document["drones"]:
         if one["lat"] is None:  # a standing drone is at its station
@@ -33,8 +35,35 @@ def told(ledger: str, holder: str) -> dict[str, Any]:
         one["shown"], one["place"], one["doing"] = status.shown(one["id"])
     return document | {
         "timezone": _timezone(status.service.scenario), "begin_s": status.service.begin_s, "now_s": status.now_s, "alarms": alarms(status), "doing": _doing(status),
-        "booked": _booked(status), "whole": len(status.drones),
+        "cancellable": _cancellable(status), "asked": asked, "booked": _booked(status), "whole": len(status.drones),
     }  # fmt: skip
+
+
+def _cancellable(status: Status) -> list[str]:
+    """Return the orders that a dispatcher would cancel now, by their ids."""
+    flights = [one for _, one in status.flights.values()]
+    running = status.state != "ended"
+    return [name for name, (state, one) in status.orders.items() if running and not why_not(name, state, one, flights)]
+
+
+def cancel(ledger: str, holder: str, order: str, by: str) -> dict[str, Any]:
+    """Ask the dispatcher of a fleet to cancel an order; returns what became of it, see `cancellation`."""
+    with open_ledger(ledger, create=False) as book:
+        desk = Desk(book, holder)
+        if cancel_order(desk, order, by) != "asked":
+            return {"waits": False, "told": f"{order} was already cancelled"}
+        return _answer(desk, order)
+
+
+def cancellation(ledger: str, holder: str, order: str) -> dict[str, Any]:
+    """Return what became of the request to cancel an order: whether the dispatcher has yet to answer, and words; a `SkywayError` if it was refused."""
+    with open_ledger(ledger, create=False) as book:
+        return _answer(Desk(book, holder), order)
+
+
+def _answer(desk: Desk, order: str) -> dict[str, Any]:
+    waits, words = cancellation_told(desk, order)
+    return {"waits": waits, "told": words}
 
 
 @lru_cache(maxsize=8)

@@ -444,7 +444,7 @@ def cancel(
     --------
       skyway dispatch cancel serum --ledger ledger.db
     """
-    from skyway.dispatch.requests import cancel_order, cancellation
+    from skyway.dispatch.requests import cancel_order, cancellation_told
     from skyway.models.ledger.desk import Desk
     from skyway.models.ledger.opening import open_ledger
 
@@ -454,17 +454,11 @@ def cancel(
             typer.echo(f"{order} was already cancelled")
             return
         end_s = time.monotonic() + ANSWER_WALL_S
-        while (answer := cancellation(desk, order)) == "asked" and desk.ledger.led(holder) and time.monotonic() < end_s:
+        waits, words = cancellation_told(desk, order)
+        while waits and time.monotonic() < end_s:
             time.sleep(0.1)
-        led = desk.ledger.led(holder)
-    if answer != "asked":
-        typer.echo(f"{order} is cancelled")
-    elif led:
-        typer.echo(
-            f"{order}: cancellation asked; the dispatcher has not answered yet, skyway orders list shows the order"
-        )
-    else:
-        typer.echo(f"{order}: cancellation asked; no dispatcher runs, the next skyway dispatch run decides")
+            waits, words = cancellation_told(desk, order)
+    typer.echo(f"{words}, skyway orders list shows the order" if waits else words)
 
 
 def _at(desk: Desk, station: str, pad: int | None) -> tuple[float, Station]:
