@@ -1,9 +1,11 @@
-"""The frame of every page: head, navigation, preferences."""
+"""The frame of every page: head, navigation, preferences, and the address that keeps what a person asked for."""
 
 from __future__ import annotations
 
+import json
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
+from urllib.parse import urlencode
 
 from nicegui import Client, ui
 
@@ -12,7 +14,7 @@ from skyway.web.controls import text
 from skyway.web.preferences import CHOICES, Preferences
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
+    from collections.abc import Callable, Iterator, Mapping
 
     from skyway.web.site import Site
 
@@ -59,6 +61,12 @@ def page(site: Site, client: Client, here: str) -> Iterator[Preferences]:
             ui.element("div").classes("main").props("id=main tabindex=-1")
         ):  # the main landmark is NiceGUI's own element around all
             yield wanted
+
+
+def remember(client: Client, here: str, asked: Mapping[str, str]) -> None:
+    """Keep a request in the address of a page: it is there after a reload or a restart of the server, and can be stored and sent."""
+    address = json.dumps(f"{here}?{urlencode(asked)}" if asked else here)
+    client.run_javascript(f"history.replaceState(history.state, '', {address})")
 
 
 def _preference(name: str, words: str, choices: dict[str, str], chosen: str) -> None:

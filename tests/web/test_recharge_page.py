@@ -74,6 +74,31 @@ def test_the_command_that_is_shown_says_all_that_was_asked():
         shown(None, {"mission": "a.plan", "laps": "1.5"})
 
 
+def test_the_address_of_the_page_keeps_what_was_asked():
+    asked = Cut(
+        mission="a b.plan",
+        wind="6@250",
+        payload="",
+        soc="80",
+        reorder=True,
+        put=(Put("x ü&", 1.0, 2.0), Put("", -90.0, 180.0)),
+    )
+    assert Cut.of_address(asked.query()) == asked
+    assert Cut().query() == {}
+    assert Cut.of_address({"reserve": "25", "home": "x" * 301, "evil": "1", "command": "1", "reorder": "maybe"}) == Cut(
+        reserve="25"
+    )
+    for places_ in (
+        "[",
+        "[1]",
+        '[{"id":"x","lat":91,"lon":0}]',
+        '[{"id":"x","lat":1e400,"lon":0}]',
+        "[" * 20_000,
+        '[{"id":"x"}]',
+    ):
+        assert Cut.of_address({"put": places_}) == Cut()
+
+
 @pytest.mark.slow
 def test_what_is_saved_is_what_the_command_writes(tmp_path):
     from skyway.cli.main import main

@@ -20,6 +20,8 @@ if TYPE_CHECKING:
     from skyway.web.site import Site
 
 LEDGERS = (".db",)
+HOLDER = "dispatch"
+"""Usual name of a dispatcher."""
 
 
 def add(site: Site) -> None:
@@ -32,9 +34,9 @@ class FleetPage:
 
     def __init__(self, site: Site, client: Client, wanted: Preferences) -> None:
         del wanted
-        self.site = site
+        self.site, self.client = site, client
         self.ledger = client.request.query_params.get("ledger", "")[:300]
-        self.holder = client.request.query_params.get("holder", "dispatch")[:100]
+        self.holder = client.request.query_params.get("holder", HOLDER)[:100]
         with ui.element("div").classes("work flying"):
             with (
                 ui.element("section").classes("panel form").props('aria-label="Ledger"'),
@@ -66,6 +68,8 @@ class FleetPage:
     def _set(self, name: str) -> Callable[[Any], None]:
         def take(value: Any) -> None:
             setattr(self, name, str(value).strip()[:300])
+            other = {} if self.holder == HOLDER else {"holder": self.holder}
+            shell.remember(self.client, "/fleet", ({"ledger": self.ledger} if self.ledger else {}) | other)
             self._show()
 
         return take
@@ -78,4 +82,4 @@ class FleetPage:
         )
         self.board.follow(self.ledger, self.holder)
         words = ["skyway", "dispatch", "status", "--ledger", self.ledger or "LEDGER.db"]
-        self.command.show(shlex.join([*words, *(["--holder", self.holder] if self.holder != "dispatch" else [])]))
+        self.command.show(shlex.join([*words, *(["--holder", self.holder] if self.holder != HOLDER else [])]))

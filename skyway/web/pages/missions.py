@@ -28,6 +28,17 @@ if TYPE_CHECKING:
     from skyway.web.preferences import Preferences
     from skyway.web.site import Site
 
+USUAL = {
+    "drone": "",
+    "autopilot": "",
+    "wind": "",
+    "payload": "0",
+    "soc": "100",
+    "reserve": "20",
+    "depart": "",
+    "region": "",
+}
+"""What is asked of a mission by default."""
 _ITEM_OF_CLICK = "(e) => { const b = e.target.closest('[data-item]'); if (b) emit(b.dataset.item); }"
 
 
@@ -42,16 +53,8 @@ class MissionsPage:
     def __init__(self, site: Site, client: Client, wanted: Preferences) -> None:
         self.site, self.client, self.wanted = site, client, wanted
         self.file = client.request.query_params.get("file", "")
-        self.asked = {
-            "drone": "",
-            "autopilot": "",
-            "wind": "",
-            "payload": "0",
-            "soc": "100",
-            "reserve": "20",
-            "depart": "",
-            "region": "",
-        }
+        given = client.request.query_params
+        self.asked = {name: given.get(name, usual)[:200] for name, usual in USUAL.items()}
         self.found: dict[str, Any] | None = None
         with ui.element("div").classes("work"):
             with (
@@ -81,17 +84,26 @@ class MissionsPage:
             "Autopilot",
             self._set("autopilot"),
             kind="select",
+            value=self.asked["autopilot"],
             options=[("", "as the file says"), *((one, one) for one in NAMES)],
         )
-        self.drone = Field("Drone", self._set("drone"), kind="select", options=[("", "assume M200 V2")])
+        self.drone = Field(
+            "Drone", self._set("drone"), kind="select", value=self.asked["drone"], options=[("", "assume M200 V2")]
+        )
         with ui.element("div").classes("pair"):
-            Field("Wind", self._set("wind"), unit="m/s@° from", hint="8@270; empty: still air")
-            Field("Package", self._set("payload"), value="0", unit="kg", inputmode="decimal")
+            self._typed("Wind", "wind", unit="m/s@° from", hint="8@270; empty: still air")
+            self._typed("Package", "payload", unit="kg", inputmode="decimal")
         with ui.element("div").classes("pair"):
-            Field("Charge", self._set("soc"), value="100", unit="%", inputmode="decimal")
-            Field("Reserve", self._set("reserve"), value="20", unit="%", inputmode="decimal")
-        Field("With zones, pads and fleet of the scenario", self._set("region"), kind="check", value=False)
+            self._typed("Charge", "soc", unit="%", inputmode="decimal")
+            self._typed("Reserve", "reserve", unit="%", inputmode="decimal")
+        Field(
+            "With zones, pads and fleet of the scenario",
+            self._set("region"), kind="check", value=bool(self.asked["region"]),
+        )  # fmt: skip
         self.transfer = Transfer(self.site, self.client, lambda: self.file, self._differ)
+
+    def _typed(self, label: str, name: str, **how: Any) -> None:
+        Field(label, self._set(name), value=self.asked[name], **how)
 
     def _answer(self) -> None:
         self.at_work = UnderWay(self.client, self._show, "Check it now")
@@ -149,6 +161,8 @@ class MissionsPage:
 
     async def _show(self) -> None:
         """Read and check the file, replacing any current reading, and show the findings."""
+        given = {name: value for name, value in self.asked.items() if value != USUAL[name]}
+        shell.remember(self.client, "/missions", ({"file": self.file} if self.file else {}) | given)
         await asyncio.wait({self.at_work.begin(self._checked())})
 
     async def _checked(self) -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import json
 import time
 from functools import partial
 from typing import TYPE_CHECKING, Any
@@ -142,7 +141,7 @@ class PlanPage:
     def _turn_to(self, question: Question) -> None:
         self.question = question
         self.form.show(question)
-        self.client.run_javascript(f"history.replaceState(null, '', {json.dumps(question.address())})")
+        shell.remember(self.client, "/", question.query())
         self._begin_answer()
 
     def picked(self, chosen: dict[str, Any]) -> None:

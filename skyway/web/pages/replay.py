@@ -10,13 +10,16 @@ from nicegui import Client, ui
 from skyway.models.base.errors import SkywayError
 from skyway.web import shell
 from skyway.web.controls import CommandShown, Drop, Field, Status
-from skyway.web.folder import LOGS
+from skyway.web.folder import LOGS, MOST_NAME
 from skyway.web.map_key import key
 from skyway.web.map_layer import MapLayer, Player
 
 if TYPE_CHECKING:
     from skyway.web.preferences import Preferences
     from skyway.web.site import Site
+
+WHICH = ("log", "beside")
+"""Names of the logs in the address of the page."""
 
 
 def add(site: Site) -> None:
@@ -29,7 +32,7 @@ class ReplayPage:
 
     def __init__(self, site: Site, client: Client, wanted: Preferences) -> None:
         self.site, self.client = site, client
-        self.files = [client.request.query_params.get("log", ""), ""]
+        self.files = [client.request.query_params.get(name, "")[:MOST_NAME] for name in WHICH]
         with ui.element("div").classes("work"):
             with (
                 ui.element("section").classes("panel form").props('aria-label="Logs"'),
@@ -95,13 +98,14 @@ class ReplayPage:
         self.status.tell(why, wrong=True)
 
     def _open(self) -> None:
-        names = [name for name in self.files if name]
+        asked = {which: name for which, name in zip(WHICH, self.files, strict=True) if name}
+        names = list(asked.values())
+        shell.remember(self.client, "/replay", asked)
         self.status.tell(
             ""
             if names
             else "Choose a log, or drop one. Logs of skyway fly and skyway watch are in the folder that they were started in."
         )
-        if names:
-            self.player.run_method("open", names)
-            words = [("report" if name.endswith(".jsonl") else "replay", name) for name in names]
-            self.command.show(" && ".join(shlex.join(["skyway", *one]) for one in words))
+        self.player.run_method("open", names)
+        words = [("report" if name.endswith(".jsonl") else "replay", name) for name in names]
+        self.command.show(" && ".join(shlex.join(["skyway", *one]) for one in words))

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import shlex
+from contextlib import suppress
 from typing import Any
-from urllib.parse import urlencode
 
 import msgspec
 
@@ -17,6 +17,10 @@ OF_SCENARIO = "scenario"
 """Pads of the scenario that the page was started with."""
 MOST_PLANS = 4
 """Number of plans side by side."""
+YES = "yes"
+"""A box that is ticked, in an address."""
+MOST_TYPED, MOST_PLACES = 300, 20_000
+"""Characters of a value, and of all places of pads, in an address."""
 
 
 class Question(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -77,15 +81,14 @@ class Question(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=
                 found[name] = value
         return msgspec.convert(found, cls)
 
-    def address(self) -> str:
-        """Return an address of the page with the same request: it can be stored and sent."""
+    def query(self) -> dict[str, str]:
+        """Return the same request for the address of the page."""
         usual = Question()
-        given = {
-            name: " ".join(value) if isinstance(value, tuple) else value
+        return {
+            name: " ".join(value) if isinstance(value, tuple) else str(value)
             for name, value in msgspec.structs.asdict(self).items()
             if value != getattr(usual, name)
         }
-        return f"/?{urlencode(given)}" if given else "/"
 
     @property
     def complete(self) -> bool:
@@ -142,6 +145,11 @@ class Put(msgspec.Struct, frozen=True):
     lat: float
     lon: float
 
+    @property
+    def is_place(self) -> bool:
+        """Whether it is a place on the earth."""
+        return abs(self.lat) <= 90.0 and abs(self.lon) <= 180.0
+
 
 class Cut(msgspec.Struct, frozen=True, kw_only=True):
     """A mission to be cut; every value as typed, files by their paths."""
@@ -167,6 +175,30 @@ class Cut(msgspec.Struct, frozen=True, kw_only=True):
     home_elevation: str = ""
     level_ground: bool = False
     reorder: bool = False
+
+    @classmethod
+    def of_address(cls, query: dict[str, str]) -> Cut:
+        """Return the request in the address of the page; unknown fields, and places that are none, are ignored."""
+        usual = msgspec.structs.asdict(cls())
+        found: dict[str, Any] = {}
+        for name, value in query.items():
+            if name == "put" and len(value) <= MOST_PLACES:
+                with suppress(msgspec.DecodeError, RecursionError):
+                    found[name] = tuple(one for one in msgspec.json.decode(value, type=tuple[Put, ...]) if one.is_place)
+            elif isinstance(usual.get(name), bool):
+                found[name] = value == YES
+            elif isinstance(usual.get(name), str) and len(value) <= MOST_TYPED:
+                found[name] = value
+        return cls(**found)
+
+    def query(self) -> dict[str, str]:
+        """Return the same request for the address of the page."""
+        usual, found = msgspec.structs.asdict(Cut()), {}
+        for name, value in msgspec.structs.asdict(self).items():
+            if value != usual[name]:
+                places = name == "put"
+                found[name] = msgspec.json.encode(value).decode() if places else YES if value is True else value
+        return found
 
     def command(self, scenario: str | None, pads: str, folder: str) -> str:
         """Return the equivalent command; `pads` is the file in which the pads are saved."""

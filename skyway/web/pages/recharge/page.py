@@ -46,7 +46,8 @@ class RechargePage:
     def __init__(self, site: Site, client: Client, wanted: Preferences) -> None:
         del wanted
         self.site, self.client = site, client
-        self.asked = Cut(mission=client.request.query_params.get("file", "")[:300])
+        given = dict(client.request.query_params)
+        self.asked = Cut.of_address({"mission": given.get("file", "")} | given)
         self.undos: Undo[Cut] = Undo(self._turn_to)
         self.pads: list[dict[str, Any]] = []
         self.found: dict[str, Any] | None = None
@@ -117,6 +118,7 @@ class RechargePage:
     def _turn_to(self, asked: Cut) -> None:
         self.asked = asked
         self.form.show(asked)
+        shell.remember(self.client, "/recharge", asked.query())
         self._begin_answer()
 
     def picked(self, chosen: dict[str, Any]) -> None:
