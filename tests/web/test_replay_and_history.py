@@ -143,14 +143,15 @@ def test_the_history_counts_what_the_report_says_and_is_searched(flown, browser,
     start = json.loads(first)
     start["data"]["hands_over"] = False
     (flown.folder / "fetched.jsonl").write_text("\n".join([json.dumps(start), *others, ""]))
+    (flown.folder / "under-way.jsonl").write_text("\n".join([first, *others[:5], ""]))
     (flown.folder / "broken.jsonl").write_text("\n".join([first, *others[:5], "{", *others[5:], ""]))
     with person(browser, flown.address, "/history") as tab:
-        tab.wait_for_selector(".panel table tbody tr:nth-child(2)")
+        tab.wait_for_selector(".panel table tbody tr:nth-child(3)")
         cells = dict(one.split("\n", 1) for one in tab.locator("dl.figures > div").all_inner_texts())
-        assert cells["deliveries"] == "1 of 1\nand 1 without a package"
+        assert cells["deliveries"] == "1 of 1\nand 1 not ended, 1 without a package"
         assert cells["flights"] == str(2 * report["totals"]["actual"]["flights"])
         ends = tab.locator(".panel table tbody tr td:nth-child(4)").all_inner_texts()
-        assert sorted(ends) == ["arrived, no package", "delivered"]
+        assert sorted(ends) == ["arrived, no package", "delivered", "not ended: replanning"]
         tab.get_by_text("broken.jsonl:7: not a record of a journal").wait_for()
         cut = "all => all.filter((one) => one.scrollWidth > one.clientWidth).map((one) => one.innerText)"
         assert tab.locator("dl.figures dd").evaluate_all(cut) == []

@@ -166,10 +166,12 @@ def _totals(found: list[dict[str, Any]], wanted: Preferences) -> str:
     ]
     lows = [row["lowest_soc"] for row in found if row["lowest_soc"] is not None]
     energy = energy_per_km(found)
-    delivered = [row["delivered"] for row in found if row["hands_over"]]
-    others = len(found) - len(delivered)
+    carried = [row for row in found if row["hands_over"]]
+    delivered = [row["delivered"] for row in carried if row["ended"]]
+    apart = {"not ended": len(carried) - len(delivered), "without a package": len(found) - len(carried)}
+    others = ", ".join(f"{count} {words}" for words, count in apart.items() if count)
     cells = [
-        ("deliveries", f"{sum(delivered)} of {len(delivered)}", f"and {others} without a package" if others else ""),
+        ("deliveries", f"{sum(delivered)} of {len(delivered)}", f"and {others}" if others else ""),
         ("flights", str(sum(row["flights"] for row in found)), ""),
         ("in the air", duration(sum(row["flight_s"] or 0.0 for row in found)), ""),
         ("way flown", wanted.in_words(distance_text(sum(row["flown_m"] for row in found))), ""),
