@@ -234,7 +234,9 @@ def test_no_name_of_a_station_is_cut_off_where_the_map_ends(opened):
     tab.wait_for_function("window.skywayMap?.state.region && window.skywayMap.view.width > 1")
     tab.evaluate(
         """() => { window.written = []; const kind = CanvasRenderingContext2D.prototype, before = kind.fillText;
-            kind.fillText = function (words, x, y) { window.written.push([words, x, x + this.measureText(words).width]); before.call(this, words, x, y); }; }"""
+            kind.fillText = function (words, x, y) {
+                if (window.skywayMap.view.width === 360) window.written.push([words, x, x + this.measureText(words).width]);
+                before.call(this, words, x, y); }; }"""
     )
     tab.set_viewport_size({"width": 360, "height": 800})
     tab.wait_for_function("window.skywayMap.view.width === 360 && window.written.length > 20")

@@ -92,7 +92,9 @@ def test_what_an_attacker_says_is_shown_as_he_wrote_it(site):
 
 def test_a_menu_and_a_tip_of_the_map_show_names_as_text(site):
     with chromium() as browser, person(browser, site.address, "/") as tab:
-        tab.wait_for_function("window.skywayMap?.state.region && window.skywayMap.view.width > 1")
+        tab.wait_for_function(
+            "window.skywayMap?.state.region && window.skywayMap.state.actions && window.skywayMap.view.width > 1"
+        )
         tab.locator(".map canvas").focus()
         tab.keyboard.press("n")
         tab.keyboard.press("Enter")
