@@ -113,7 +113,10 @@ class Composer:
     @property
     def _short_margin(self) -> float:
         belief = self.errors.energy_of(self.problem.drone)
-        return energy_margin(self.parameters.short_leg_margin, belief, self.problem.epsilon)
+        p = self.parameters
+        return energy_margin(
+            p.short_leg_margin_large if self._large else p.short_leg_margin, belief, self.problem.epsilon
+        )
 
     @cached_property
     def _mean_speeds(self) -> MeanSpeeds:
