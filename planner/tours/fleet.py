@@ -47,6 +47,8 @@ class Group:
     """Times in seconds from `begin_s`; energy is charge above the reserve, of a new battery; customer i is the
     order i - 1."""
     begin_s: float
+    waits_s: NDArray[np.float64]
+    """Shape (stations,): mean wait for a pad because of other drones, which the legs to a station include, s."""
 
 
 def group_of(work: Work, laid: Laid, drones: Sequence[int], orders: Sequence[int], begin_s: float, taken: Sequence[Taken], parameters: PlannerParameters) -> Group:  # fmt: skip
@@ -92,7 +94,7 @@ def group_of(work: Work, laid: Laid, drones: Sequence[int], orders: Sequence[int
     vehicles = _vehicles(laid, at, payload, begin_s, last_s)
     pads = Pads(flights.first_pad[flights.stops], flights.pads[flights.stops], _calendar(flights, taken, begin_s))
     tours, _ = lay_out(arcs, visits, np.arange(count + 1, every), vehicles, charging, pads, NO_DEPOT)
-    return Group(place, tuple(at.tolist()), tuple(which.tolist()), tours, begin_s)
+    return Group(place, tuple(at.tolist()), tuple(which.tolist()), tours, begin_s, waits)
 
 
 def _likeness(laid: Laid, drone: int, begin_s: float) -> tuple[float, ...]:

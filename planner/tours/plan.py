@@ -22,11 +22,13 @@ from skyway.planner.tours.charger_kernels import (
     ENERGY,
     ENERGY_AFTER,
     KIND,
+    MOVE,
     NODE,
     PAD,
     SERVE,
     STATION,
 )
+from skyway.planner.tours.earlier import deliver_earlier
 from skyway.planner.tours.fleet import group_of
 from skyway.planner.tours.solve import solve
 
@@ -97,6 +99,7 @@ def plan_tours(
             continue
         group = group_of(work, laid, drones, orders, depart.timestamp(), taken, parameters)
         search = solve(group.tours, parameters.tours, seed=seed, time_limit_s=time_limit_s / len(teams), iterations=max(iterations // len(teams), 1), fewest_vehicles=fewest_drones)  # fmt: skip
+        deliver_earlier(search)
         cost, tried = cost + search.cost, tried + search.iterations
         for vehicle, rows in search.timetables().items():
             route, found = _result_of(work, laid, group, group.drones[vehicle], rows)
@@ -187,7 +190,8 @@ def _result_of(
     for row in rows:
         node = int(row[NODE])
         order = group.orders[node - 1] if node else None
-        begin, end = (from_posix(group.begin_s + row[column]) for column in (BEGIN, END))
+        waited = group.waits_s[int(row[STATION])] if row[KIND] == MOVE and row[STATION] >= 0 else 0.0
+        begin, end = (from_posix(group.begin_s + time) for time in (row[BEGIN], row[END] - waited))
         if row[KIND] == SERVE:
             served.append(group.orders[node - 1])
             done[served[-1]] = begin

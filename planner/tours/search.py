@@ -228,7 +228,7 @@ class Search:
 
     def job(self, customers: Sequence[int], ways: Sequence[int]) -> tuple[int, int]:
         """Return the periods that a route charges at the depot, and the period by which it must be charged; the trial plan is changed."""
-        self._put(self.trial, 0, customers, ways)
+        self.put(self.trial, 0, customers, ways)
         found = job(self.tours, self.trial, 0)
         copy_plan(self.plan, self.trial)
         return found
@@ -239,7 +239,7 @@ class Search:
         plan.length[:] = 0
         plan.cost[:] = plan.load[:] = 0.0
         plan.route_of[:] = -1
-        feasible = all(self._put(plan, number, *route) for number, route in enumerate(routes))
+        feasible = all(self.put(plan, number, *route) for number, route in enumerate(routes))
         feasible = feasible and lateness(self.tours, plan, self.chargers) == 0.0
         cost = total_cost(plan) + absent_cost(self.tours, self.work, plan)[0]
         if feasible and cost < self.best_cost - GAIN:
@@ -278,7 +278,7 @@ class Search:
             state = int(before)
         return found
 
-    def _put(self, plan: Plan, number: int, customers: Sequence[int], ways: Sequence[int]) -> bool:
+    def put(self, plan: Plan, number: int, customers: Sequence[int], ways: Sequence[int]) -> bool:
         """Insert a route into a plan; false if it is not feasible."""
         plan.customer[number, : len(customers)] = customers
         plan.way[number, : len(ways)] = ways

@@ -1,11 +1,13 @@
 """Tours of a fleet against what they must keep: what is aboard, charge, time and pads of every step, by the tables of flights alone."""
 
 from datetime import UTC, datetime, timedelta
-from itertools import pairwise
+from itertools import pairwise, permutations
 
 import numpy as np
 import pytest
 
+from benchmarks.fleet.evrp import evrptw
+from benchmarks.fleet.evrp.random_instance import random_instance
 from skyway.missions.examples import NEW_YORK
 from skyway.models.ledger.ledger import Hold
 from skyway.models.ledger.window import Window
@@ -15,7 +17,12 @@ from skyway.models.scenario.file import read_scenario
 from skyway.models.wind.forecast import constant_wind
 from skyway.planner.dispatch.flights import lay_out_problem
 from skyway.planner.parameters.planner import USUAL
+from skyway.planner.parameters.tours import ToursParameters
+from skyway.planner.tours.charger_kernels import BEGIN, KIND, SERVE
+from skyway.planner.tours.earlier import deliver_earlier
 from skyway.planner.tours.plan import plan_tours
+from skyway.planner.tours.problem import alike
+from skyway.planner.tours.solve import solve
 
 START = datetime(2013, 7, 10, 18, tzinfo=UTC)
 RESERVE = 0.2
@@ -81,6 +88,8 @@ def check(work, wind, made):
                 leg = slot, number[step.origin], number[step.destination]
                 empty = flights.need[(0, *leg)]
                 assert (step.end - step.begin).total_seconds() >= flights.time_s[(0, *leg)] - 1e-3
+                slowest_s = flights.time_s[:, :, number[step.origin], number[step.destination]]
+                assert (step.end - step.begin).total_seconds() <= slowest_s[np.isfinite(slowest_s)].max() + 1e-3
                 assert empty - 1e-6 <= step.soc_begin - step.soc_end
                 if mode == 0 or load == pytest.approx(laid.modes[mode][1]):
                     assert step.soc_begin - step.soc_end >= flights.need[(mode, *leg)] - 1e-6
@@ -162,3 +171,37 @@ def test_fewest_drones_saves_a_drone_where_two_would_take_less_time(forecast):
     assert len(few.routes) == 1
     assert len(quick.routes) == 2
     assert quick.cost_s <= few.cost_s
+
+
+def test_packages_for_one_place_are_delivered_together_and_on_its_first_passage(forecast):
+    orders = [order("blood", "jacobi", 0.5, priority=1), order("plasma", "jacobi"), order("kit", "yankee-stadium")]
+    _, made = planned(forecast, orders, [drone("d1")], iterations=500)
+    at = {one.order: one.delivered for one in made.answers}
+    first = next(step.end for step in made.routes[0].steps if step.destination == "yankee-stadium")
+    assert at["blood"] == at["plasma"]
+    assert at["kit"] <= first < at["blood"]
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_no_order_of_equal_cost_delivers_earlier(seed):
+    """A tour of four customers against all of its orders, over the cheapest ways, without limits of time, charge or pads."""
+    instance = random_instance(seed, customers=4, stations=2)
+    tours, _, _ = evrptw.tours_of(instance)
+    everywhere = np.full(len(tours.due), 1e9)
+    tours = tours._replace(
+        due=everywhere, ready=0 * everywhere, demand=0 * everywhere, vehicles=alike(1, 0.0, 1e9, 1e9, 1.0), battery=1e9
+    )
+    search = solve(tours, ToursParameters(pool=200), time_limit_s=600.0, iterations=200)
+    before = search.cost
+    deliver_earlier(search)
+    assert search.cost == pytest.approx(before)
+    rows = search.timetables()[0]
+    times = rows[rows[:, KIND] == SERVE, BEGIN].sum()
+    ways = {
+        (a, b): int(tours.first[a, b]) for a in range(5) for b in range(5) if tours.first[a, b] < tours.first[a, b + 1]
+    }
+    for path in permutations(range(1, 5)):
+        pairs = list(pairwise((0, *path, 0)))
+        if all(pair in ways for pair in pairs) and sum(tours.ways.cost[ways[pair]] for pair in pairs) <= before + 1e-7:
+            legs_s = [tours.ways.time[ways[pair]].sum() + tours.service[pair[0]] for pair in pairs]
+            assert times <= np.cumsum(legs_s)[:-1].sum() + 1e-6
