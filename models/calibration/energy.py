@@ -33,8 +33,8 @@ VERTICAL_MPS = 0.4
 SMOOTH_S = 2.0
 MOTORS_ON = 0.3
 """Share of the median power with the motors on, smoothed, above which they turn."""
-LONGEST_GAP_S = 0.5
-"""A longer pause between samples counts as this long: what happened in it is unknown."""
+LONGEST_GAP_S, LONGEST_GAP_STEPS = 0.5, 2.0
+"""A pause between samples counts as this long at most, or as so many usual steps of the log: what happened in it is unknown."""
 MIN_MASS_SPREAD = 1.03
 """With masses closer together than this ratio an exponent, or an offset, cannot be fitted."""
 DEFAULT_KAPPA = 1.5
@@ -103,15 +103,24 @@ def power_record(name: str, track: TelemetryTrack, mass_kg: float) -> PowerRecor
     name, means that power is unknown, or that the vehicle never flew.
     """
     power = track["power_w"]
-    known = np.isfinite(power) & np.isfinite(track["vel_down_mps"])
-    if known.sum() < 20 or not power[known].max() > 1.0:
+    powered, rise = np.isfinite(power), _rise_mps(track)
+    if powered.sum() >= 20 and not power[powered].max() > 1.0 and np.median(power[powered]) < -1.0:
+        remedy = "count what is drawn from the battery as positive: factor = -1 in the file of --columns"
+        raise InputError(Fault("has negative battery power", name, remedy=remedy))
+    if powered.sum() < 20 or not power[powered].max() > 1.0:
         remedy = "a log with battery voltage and current, or a CSV with a power column"
         raise InputError(Fault("has no battery power", name, remedy=remedy))
+    known = powered & np.isfinite(rise)
+    if known.sum() < 20:
+        remedy = "climb and cruise need different power: a log with vel_down_mps, height_m or alt_msl_m"
+        raise InputError(Fault("has battery power, but neither vertical speed nor height with it", name, remedy=remedy))
     if not 0.0 < mass_kg < math.inf:
         raise InputError(Fault("is not a take-off mass", name, None, "mass", mass_kg, "kg, above 0"))
     track = track.part(known)
-    time_s, power, rise = track.time_s, track["power_w"], -track["vel_down_mps"]
-    duration = np.minimum(np.gradient(time_s), LONGEST_GAP_S)
+    time_s, power, rise = track.time_s, track["power_w"], rise[known]
+    steps = np.diff(time_s)
+    usual_s = float(np.median(steps[steps > 0.0])) if (steps > 0.0).any() else 0.0
+    duration = np.minimum(np.gradient(time_s), max(LONGEST_GAP_S, LONGEST_GAP_STEPS * usual_s))
     climb = smoothed(time_s, rise)
     on = _motors_on(smoothed(time_s, power), power) & (track["armed"] != 0.0) & (track["landed"] != 1.0)
     if not on.any():
@@ -129,6 +138,22 @@ def power_record(name: str, track: TelemetryTrack, mass_kg: float) -> PowerRecor
         {phase: float((duration * power)[chosen].sum()) for phase, chosen in where.items()},
         float(duration[~on].sum()),
     )
+
+
+def _rise_mps(track: TelemetryTrack) -> NDArray[np.float64]:
+    """Vertical speed, upwards; from the height if the log has no vertical speed."""
+    time_s, down = track.time_s, track["vel_down_mps"]
+    if np.isfinite(down).any():
+        return -down
+    for name in ("height_m", "alt_msl_m"):
+        known = np.isfinite(track[name])
+        if known.sum() > 1:
+            after, before = (
+                np.interp(time_s + shift, time_s[known], track[name][known])
+                for shift in (SMOOTH_S / 2.0, -SMOOTH_S / 2.0)
+            )
+            return np.asarray((after - before) / SMOOTH_S)
+    return np.full(len(track), np.nan)
 
 
 def _refuse_impossible_power(name: str, mean_w: float, mass_kg: float) -> None:

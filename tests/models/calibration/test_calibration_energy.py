@@ -145,6 +145,40 @@ def test_an_armed_vehicle_on_the_ground_does_not_fly_whatever_it_draws():
         power_record("flight", never, 4.0)
 
 
+def flown(step_s, **columns):
+    """A flight of 300 s that climbs to 20 m, with 400 W."""
+    time_s = np.arange(0.0, 300.0 + step_s / 2.0, step_s)
+    height_m = np.interp(time_s, [0.0, 20.0, 280.0, 300.0], [0.0, 20.0, 20.0, 0.0])
+    given = {"power_w": np.full(len(time_s), 400.0), "height_m": height_m} | columns
+    return TelemetryTrack.of_columns(1, time_s, given)
+
+
+@pytest.mark.parametrize("step_s", [0.1, 1.0, 2.0])
+def test_a_flight_counts_in_full_however_often_it_was_sampled(step_s):
+    record = power_record("slow", flown(step_s), 3.0)
+    assert record.total_s == pytest.approx(300.0, abs=2.0 * step_s)
+    assert record.total_j == pytest.approx(400.0 * 300.0, rel=0.02)
+
+
+def test_a_pause_of_the_log_does_not_count_as_flight():
+    track = flown(1.0)
+    time_s = np.where(track.time_s > 150.0, track.time_s + 600.0, track.time_s)
+    assert power_record("gap", TelemetryTrack(1, time_s, track.values), 3.0).total_s < 310.0
+
+
+def test_climb_and_descent_are_found_from_the_height_if_there_is_no_vertical_speed():
+    record = power_record("height", flown(0.2), 3.0)
+    assert record.time_s["climb"] == pytest.approx(20.0, abs=1.5)
+    assert record.time_s["descent"] == pytest.approx(20.0, abs=1.5)
+
+
+def test_what_a_log_lacks_is_named():
+    with pytest.raises(InputError, match="neither vertical speed nor height"):
+        power_record("flight", flown(1.0, height_m=np.full(301, np.nan)), 3.0)
+    with pytest.raises(InputError, match=r"negative battery power.*factor = -1"):
+        power_record("flight", flown(1.0, power_w=np.full(301, -400.0)), 3.0)
+
+
 def test_masses_in_the_wrong_order_are_refused(flights):
     """Power that falls as the mass rises is impossible."""
     right = made(MomentumEnergy(), (3.7, 4.0, 4.3))
