@@ -1,6 +1,6 @@
 """CSV logs (``.csv``, ``.csv.gz``), by a mapping of columns to telemetry quantities.
 
-Columns that carry the names of `models.drones.telemetry.TelemetrySample` need no mapping; `skyway replay --csv` writes such
+Columns that carry the names of `models.drones.telemetry.TelemetrySample`, in any case, need no mapping, nor do ``lat`` and ``lon``; `skyway replay --csv` writes such
 a table. A mapping is a TOML file (``schema = "skyway.log-columns/1"``), see ``docs/how-to/replay.md``.
 """
 
@@ -11,7 +11,9 @@ import gzip
 import itertools
 import math
 import zlib
+from collections import Counter
 from dataclasses import dataclass, field
+from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Any, TextIO, cast
 
 import numpy as np
@@ -24,7 +26,6 @@ from skyway.models.base.errors import Fault, InputError
 from skyway.models.base.fields import Table, finite, read_toml
 from skyway.models.base.files import AS_UTF8, file_error, is_utf16
 from skyway.models.base.table import TableReader
-from skyway.models.base.units import parse_instant
 from skyway.models.base.views import counted
 from skyway.models.drones.telemetry import QUANTITIES, TelemetryTrack, TimeBase, believable
 
@@ -41,7 +42,9 @@ PIECE_ROWS = 10_000
 MAX_LINE = 1_000_000
 EPOCH_1990_S = 631_152_000.0
 """Times below this are not POSIX seconds."""
-_TIME_NAMES = {"time_utc": "iso", "time_s": "s", "time": "s", "timestamp": "s"}
+_TIME_NAMES = {"time_utc": "iso", "time_s": "s", "time_ms": "ms", "time_us": "us", "time": "s", "timestamp": "s"}
+"""Unit by the name of the column; `time` and `timestamp` may also be text, ISO 8601."""
+_OTHER_NAMES = {"lat": "lat_deg", "latitude": "lat_deg", "lon": "lon_deg", "lng": "lon_deg", "longitude": "lon_deg"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -142,6 +145,9 @@ class CsvLog:
     def __init__(self, path: Path, columns: LogColumns | None = None) -> None:
         self._path = path
         self._place: dict[str, int] = {}
+        self._double: frozenset[str] = frozenset()
+        self._untimed: list[str] = []
+        self._times_are_text: bool | None = None
         self._columns = columns or LogColumns("", "s")
         self._guessed = columns is None
         self._absolute: bool | None = None
@@ -168,6 +174,8 @@ class CsvLog:
         check = UnitCheck()
         for kept, lost, held, told in self._kept():
             skipped += sum(len(",".join(row)) + 1 for row in lost)
+            if lost and not self._untimed:
+                self._untimed = lost[0]
             if not kept:
                 continue
             back += int((held != told).sum())
@@ -180,6 +188,8 @@ class CsvLog:
                 known = self._numbers(kept, self._columns.payload)
                 payloads += [float(np.nanmedian(known))] if np.isfinite(known).any() else []
             count += len(kept)
+        if not count and skipped:
+            self._refuse_times()
         self.payload_kg = float(np.median(payloads)) if payloads else math.nan
         doubts: tuple[str, ...] = (
             (f"{counted(back, 'row')} {'is' if back == 1 else 'are'} earlier than the row before, whose time is used",)
@@ -249,20 +259,37 @@ class CsvLog:
 
     def _learn(self, header: list[str]) -> None:
         self._place = {name: number for number, name in reversed(list(enumerate(header)))}
+        self._double = frozenset(name for name, count in Counter(header).items() if count > 1)
         if self._guessed:
             self._columns = self._guess(header)
 
     def _guess(self, header: list[str]) -> LogColumns:
         if {"twist_linear_x", "orientation_w", "payload", "y"} <= set(header):
             return M100
-        known = {name: ColumnOf(name) for name in QUANTITIES if name in header}
-        time = next((name for name in _TIME_NAMES if name in header), None)
+        named = {name.casefold(): name for name in reversed(header)} | {name: name for name in header}
+        known = {ours: ColumnOf(named[other]) for other, ours in _OTHER_NAMES.items() if other in named}
+        known |= {name: ColumnOf(named[name]) for name in QUANTITIES if name in named}
+        time = next((name for name in _TIME_NAMES if name in named), None)
         if time is None or not known:
-            remedy = "name a column as skyway does (docs/how-to/replay.md), or map them for the command skyway replay with --columns"
+            remedy = (
+                "name a column as skyway does (docs/how-to/replay.md), or map them on the command line with --columns"
+            )
+            if len(header) == 1 and "\t" in header[0]:
+                remedy = "they are separated by tabs: separate them by commas or semicolons"
             raise InputError(Fault("has no known telemetry columns", str(self._path), 1, remedy=remedy))
-        return LogColumns(
-            time, _TIME_NAMES[time], known, payload=ColumnOf("payload_kg") if "payload_kg" in header else None
-        )
+        payload = ColumnOf(named["payload_kg"]) if "payload_kg" in named else None
+        return LogColumns(named[time], _TIME_NAMES[time], known, payload=payload)
+
+    def _refuse_times(self) -> None:
+        """Raise an `InputError` for a table none of whose rows has a time."""
+        columns, place = self._columns, self._column(self._columns.time)
+        told = self._untimed[place].strip() if place < len(self._untimed) else ""
+        problem, remedy = "is not a time", f"a number in {columns.time_unit}"
+        if columns.time_unit == "iso" or self._times_are_text:
+            remedy = "write it as 2013-07-10T18:00:00Z"
+            if math.isfinite(_instant(told, utc=True)):
+                problem, remedy = "the time has no UTC offset", f"{remedy}, or name the column time_utc"
+        raise InputError(Fault(problem, str(self._path), None, columns.time, told, remedy))
 
     def _numbers(self, rows: list[list[str]], where: ColumnOf) -> NDArray[np.float64]:
         place = self._column(where.column)
@@ -271,6 +298,8 @@ class CsvLog:
         return values * where.factor + where.offset
 
     def _column(self, name: str) -> int:
+        if name in self._double:
+            raise InputError(Fault("the column appears twice", str(self._path), 1, name, None, "name it once"))
         if name not in self._place:
             raise InputError(
                 Fault("no such column", str(self._path), 1, name, None, "it has: " + ", ".join(self._place))
@@ -279,11 +308,16 @@ class CsvLog:
 
     def _times(self, rows: list[list[str]]) -> NDArray[np.float64]:
         """Times of rows, NaN if there is none; the first piece determines whether they are instants."""
-        columns = self._columns
-        if columns.time_unit == "iso":
+        columns, place = self._columns, self._column(self._columns.time)
+        told = [row[place] if place < len(row) else "" for row in rows]
+        if self._times_are_text is None and rows:
+            numeric = any(finite(text) is not None for text in told)
+            dated = any(math.isfinite(_instant(text, utc=True)) for text in told)
+            self._times_are_text = self._guessed and columns.time_unit == "s" and dated and not numeric
+        if columns.time_unit == "iso" or self._times_are_text:
             self._absolute = True
-            place = self._column(columns.time)
-            return np.array([_instant(row[place]) if place < len(row) else math.nan for row in rows])
+            utc = columns.time.casefold().endswith("utc")
+            return np.array([_instant(text, utc=utc) for text in told])
         times = self._numbers(rows, ColumnOf(columns.time)) * TIME_UNITS[columns.time_unit]
         finite_times = times[np.isfinite(times)]
         if self._absolute is None and len(finite_times):
@@ -321,11 +355,15 @@ def _lines(stream: TextIO) -> Iterator[str]:
         yield line
 
 
-def _instant(text: str) -> float:
+def _instant(text: str, *, utc: bool) -> float:
+    """POSIX seconds of an ISO 8601 text, NaN if it is none; `utc`: a time without an offset is in UTC, else it is none."""
     try:
-        return parse_instant(text).timestamp()
-    except InputError:
+        instant = datetime.fromisoformat(text.strip())
+    except ValueError:
         return math.nan
+    if instant.tzinfo is None:
+        return instant.replace(tzinfo=UTC).timestamp() if utc else math.nan
+    return instant.timestamp()
 
 
 def _from_enu(x: Any, y: Any, z: Any, w: Any) -> dict[str, NDArray[np.float64]]:

@@ -108,7 +108,7 @@ def power_record(name: str, track: TelemetryTrack, mass_kg: float) -> PowerRecor
         remedy = "count what is drawn from the battery as positive: factor = -1 in the file of --columns"
         raise InputError(Fault("has negative battery power", name, remedy=remedy))
     if powered.sum() < 20 or not power[powered].max() > 1.0:
-        remedy = "a log with battery voltage and current, or a CSV with a power column"
+        remedy = "a log with battery voltage and current, or a CSV with a column power_w"
         raise InputError(Fault("has no battery power", name, remedy=remedy))
     known = powered & np.isfinite(rise)
     if known.sum() < 20:

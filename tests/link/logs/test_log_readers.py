@@ -4,6 +4,7 @@ import gzip
 import math
 import shutil
 import struct
+from datetime import UTC, datetime
 
 import numpy as np
 import pytest
@@ -348,6 +349,44 @@ def test_a_csv_with_our_names_needs_no_mapping(tmp_path):
     assert log.summary.skipped_bytes == len("rubbish,1,2\n")
     assert not log.summary.time_base.absolute
     assert any("earlier" in doubt for doubt in log.summary.time_base.doubts)
+
+
+def test_names_of_columns_may_have_capitals_and_positions_short_names(tmp_path):
+    path = tmp_path / "log.csv"
+    path.write_text("Timestamp,Lat,Lon,Roll_Rad\n1.5,46.5,6.6,0.1\n2.5,46.6,6.7,0.2\n")
+    track = one_track(path)
+    assert track.time_s.tolist() == [1.5, 2.5]
+    assert track["lat_deg"].tolist() == [46.5, 46.6]
+    assert track["lon_deg"].tolist() == [6.6, 6.7]
+    assert track["roll_rad"].tolist() == [0.1, 0.2]
+
+
+@pytest.mark.parametrize(
+    ("header", "time"),
+    [("time", "2013-07-10T18:00:01Z"), ("Timestamp", "2013-07-10 14:00:01-04:00"), ("time_utc", "2013-07-10 18:00:01")],
+)
+def test_times_of_a_csv_may_be_text(tmp_path, header, time):
+    path = tmp_path / "log.csv"
+    path.write_text(f"{header},soc\nrubbish,0.9\n{time},0.8\n")
+    log = open_log(path)
+    assert log.summary.time_base.absolute
+    assert log.summary.start_s == datetime(2013, 7, 10, 18, 0, 1, tzinfo=UTC).timestamp()
+    assert TelemetryTrack.joined(log.tracks())["soc"].tolist() == [0.8]
+
+
+@pytest.mark.parametrize(
+    ("table", "told"),
+    [
+        ("time,soc\n2013-07-10 18:00,0.9\n", "time: the time has no UTC offset .*18:00.*; write it as .*, or name the column time_utc"),
+        ("time,soc\nnoon,0.9\n", "time: is not a time .*noon.*; a number in s"),
+        ("time,soc,soc\n1,0.9,0.8\n", "soc: the column appears twice"),
+        ("time\tsoc\n1\t0.9\n", "separated by tabs"),
+    ],
+)  # fmt: skip
+def test_a_csv_that_cannot_be_read_is_refused_with_what_is_wrong(tmp_path, table, told):
+    (tmp_path / "log.csv").write_text(table)
+    with pytest.raises(InputError, match=told):
+        open_log(tmp_path / "log.csv")
 
 
 def test_a_csv_separated_by_semicolons_is_the_same_log(tmp_path):
