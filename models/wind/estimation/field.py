@@ -1,8 +1,7 @@
-"""Regional wind field, fused from winds measured by several drones.
+"""Winds measured by several drones, and how they differ from a forecast.
 
 Measurements differ from the forecast by a residual that is correlated in space and time: its correlation falls as
-``exp(-distance / length) exp(-time / tau)``. The best linear estimate from all measurements at once (kriging) gives
-the residual anywhere, with its uncertainty.
+``exp(-distance / length) exp(-time / tau)``, and by errors of their own.
 
 Source: N. Cressie, "Statistics for Spatial Data" (1993), section 3.2 (simple kriging).
 """
@@ -17,7 +16,6 @@ import numpy as np
 
 from skyway.models.base import geodesy
 from skyway.models.base.errors import Fault, InputError, refuse
-from skyway.models.wind.estimation.filter import WindEstimate
 from skyway.models.wind.gusts import GUST_LENGTH_M, GUST_SD, GUST_TIME_S
 from skyway.models.wind.triangle import height_factor
 
@@ -127,37 +125,3 @@ def check_observations(observations: Sequence[WindObservation]) -> None:
         numbers = (one.time_s, one.lat_deg, one.lon_deg, one.north_mps, one.east_mps, one.variance)
         if not np.isfinite(numbers).all() or one.variance <= 0.0:
             raise InputError("is not a wind observation", field="observation", value=one)
-
-
-class WindField:
-    """The wind of a region.
-
-    It is made of observations of any drones, one per drone and slot, so that correlated samples are not counted
-    repeatedly, and of the forecast (north, east) at the place and time of each, shape (n, 2).
-    """
-
-    def __init__(
-        self,
-        observations: Sequence[WindObservation],
-        forecast: NDArray[np.float64],
-        residual: ResidualModel | None = None,
-    ) -> None:
-        check_observations(observations)
-        self.residual = residual or ResidualModel()
-        self._places = places(observations)
-        measured = np.array([(one.north_mps, one.east_mps) for one in observations], dtype=np.float64).reshape(-1, 2)
-        inner = self.residual.covariance(self._places, self._places) + noise_covariance(observations)
-        self._inverse = np.linalg.inv(inner) if len(inner) else np.empty((0, 0))
-        self._weighted = self._inverse @ (measured - np.asarray(forecast, dtype=np.float64).reshape(-1, 2))
-
-    def at(self, time_s: float, lat_deg: float, lon_deg: float, forecast: tuple[float, float]) -> WindEstimate:
-        """Wind at a place and time with the given forecast (north, east)."""
-        point = np.array([time_s]), np.array([lat_deg]), np.array([lon_deg])
-        reach = self.residual.covariance(point, self._places)
-        north, east = (reach @ self._weighted)[0]
-        variance = self.residual.sigma_mps**2 - float((reach @ self._inverse @ reach.T)[0, 0])
-        variance = max(variance, 1e-6)
-        source = "measured" if len(self._places[0]) else "forecast"
-        return WindEstimate(
-            time_s, forecast[0] + float(north), forecast[1] + float(east), variance, 0.0, variance, source
-        )

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any
 import msgspec
 import typer
 
-from skyway.models.base.formatting import wind_text
 from skyway.models.base.units import from_posix, iso, parse_instant
 from skyway.models.base.views import counted
 from skyway.models.wind.estimation.forecast_update import MEASURED_S
@@ -34,15 +33,6 @@ class Measured(msgspec.Struct, frozen=True, kw_only=True):
     sigma_mps: float
 
 
-class SiteWind(msgspec.Struct, frozen=True, kw_only=True):
-    """Wind at a site at the departure."""
-
-    site: str
-    speed_mps: float
-    from_deg: float
-    sigma_mps: float
-
-
 class SlotWind(msgspec.Struct, frozen=True, kw_only=True):
     """Wind of an hour (`models.wind.summary`), and the spread of the members about their mean vector."""
 
@@ -56,6 +46,12 @@ class SlotWind(msgspec.Struct, frozen=True, kw_only=True):
     def wind(self) -> Wind:
         """The same without the spread of the vectors."""
         return Wind(self.speed_mps, self.from_deg, self.p10_mps, self.p90_mps)
+
+
+class SiteWind(SlotWind, frozen=True, kw_only=True):
+    """The same at a site, at the height of its instruments, at the departure."""
+
+    site: str
 
 
 class HourWind(msgspec.Struct, frozen=True, kw_only=True):
@@ -128,21 +124,14 @@ def _slot(ensemble: WindEnsemble, north: Any, east: Any, slot: int) -> SlotWind:
 
 
 def _field(update: Update) -> list[SiteWind]:
-    """All observations fused, with the uncertainty."""
+    """Updated wind at each site, at the departure."""
     import numpy as np
 
-    from skyway.models.wind.estimation.field import WindField
-    from skyway.models.wind.estimation.live import forecast_of
-
-    mean = forecast_of(update.before)
-    expected = [mean(one.time_s, one.lat_deg, one.lon_deg, math.nan) for one in update.seen]
-    fused = WindField(update.seen, np.array(expected).reshape(-1, 2))
-    found = []
-    for site in update.world.wind_sites:
-        now = fused.at(update.depart_s, site.lat, site.lon, mean(update.depart_s, site.lat, site.lon, math.nan))
-        speed, sigma = round(now.speed_mps, 3), round(now.sigma_mps, 3)
-        found.append(SiteWind(site=site.id, speed_mps=speed, from_deg=round(now.from_deg, 1), sigma_mps=sigma))
-    return found
+    sites = update.world.wind_sites
+    after = update.after.at_sites(np.array([one.lat for one in sites]), np.array([one.lon for one in sites]))
+    slot = after.slot_at(update.depart_s)
+    rows = [_slot(after, after.north[:, :, number], after.east[:, :, number], slot) for number in range(len(sites))]
+    return [SiteWind(site=site.id, **msgspec.structs.asdict(row)) for site, row in zip(sites, rows, strict=True)]
 
 
 def tell(report: ForecastReport, output: Path | None) -> None:
@@ -154,7 +143,7 @@ def tell(report: ForecastReport, output: Path | None) -> None:
         f"{counted(len(report.members), 'member')} updated with {what} of {MEASURED_S / 60.0:g} minutes, for {depart}"
     )
     for row in report.field:
-        typer.echo(f"  {row.site}: {wind_text(row.speed_mps, row.from_deg, row.sigma_mps)} at {report.height_m:g} m")
+        typer.echo(f"  {row.site}: {row.wind} at {report.height_m:g} m")
     typer.echo("  at the centre of the network, at cruise height, before and after:")
     for hour in report.hours:
         typer.echo(f"  +{hour.hours:2d} h: {hour.before.wind}  →  {hour.after.wind}")

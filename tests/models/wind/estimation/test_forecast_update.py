@@ -9,7 +9,7 @@ import pytest
 from skyway.models.base.errors import InputError
 from skyway.models.base.geodesy import direct
 from skyway.models.wind.ensemble import WindEnsemble
-from skyway.models.wind.estimation.field import ResidualModel, WindField, WindObservation
+from skyway.models.wind.estimation.field import ResidualModel, WindObservation
 from skyway.models.wind.estimation.filter import WindEstimate
 from skyway.models.wind.estimation.forecast_update import SlotAverages, refined, update_forecast, worth
 from skyway.models.wind.forecast import analogue_ensemble, truth_series
@@ -134,31 +134,6 @@ def test_crps_of_one_member_is_its_error_and_of_two_even_ones_half_their_distanc
 def test_crps_of_many_members_is_that_of_the_density():
     values = np.random.default_rng(0).normal(0.0, 1.0, 4000)
     assert crps(values, np.full(4000, 1 / 4000), 0.0) == pytest.approx(0.2337, abs=0.01)  # (sqrt 2 - 1) / sqrt pi
-
-
-def test_a_field_is_what_was_measured_nearby_and_the_forecast_far_away():
-    field = WindField([seen(8.0, 0.0, variance=0.01)], np.array([[2.0, 0.0]]), ResidualModel(length_m=20_000.0))
-    near = field.at(START_S + 1800.0, 40.7, -74.0, (2.0, 0.0))
-    assert near.north_mps == pytest.approx(8.0, abs=0.05)
-    assert near.sigma_mps < 0.15
-    far = field.at(START_S + 1800.0, 45.0, -74.0, (2.0, 0.0))
-    assert far.north_mps == pytest.approx(2.0, abs=0.01)
-    late = field.at(START_S + 1e6, 40.7, -74.0, (2.0, 0.0))
-    assert late.north_mps == pytest.approx(2.0, abs=0.01)
-
-
-def test_a_field_of_nothing_is_the_forecast():
-    empty = WindField([], np.empty((0, 2)))
-    found = empty.at(START_S, 40.7, -74.0, (1.0, 2.0))
-    assert (found.north_mps, found.east_mps, found.source) == (1.0, 2.0, "forecast")
-
-
-def test_two_drones_that_agree_are_surer_than_one_but_not_by_counting_neighbours_twice():
-    one = WindField([seen(5.0, 0.0)], np.zeros((1, 2)))
-    two = WindField([seen(5.0, 0.0), seen(5.0, 0.0, lat=40.8)], np.zeros((2, 2)))
-    where = START_S + 1800.0, 40.75, -74.0, (0.0, 0.0)
-    assert two.at(*where).sigma_mps < one.at(*where).sigma_mps
-    assert two.at(*where).var_north > 0.4 * one.at(*where).var_north
 
 
 def mean_crps(forecast, truth, slots):
