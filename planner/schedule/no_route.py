@@ -227,7 +227,9 @@ def _way_on_words(problem: Problem, target: str, soc: float) -> str:
     if not problem.ways_on:
         return f"and from {target}, {problem.why_on}, {nothing_in_reach(problem)}; "
     with_it = "" if not problem.keeps_for_package else " with the package still on board"
-    return f"the flight on from {target}, {problem.why_on},{with_it} takes {percent(soc)} more; "
+    return (
+        f"the flight on from {target}, {problem.why_on},{with_it} takes {percent(soc)} more in an unfavourable wind; "
+    )
 
 
 def runs_empty(problem: Problem, itinerary: Itinerary, leg: int, advice: str = "") -> NoRouteError:

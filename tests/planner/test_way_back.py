@@ -174,6 +174,13 @@ def test_a_target_from_which_nothing_is_in_reach_is_refused_with_by_how_much(pla
     plan(scenario, ask("b", escape=False), planner=planner, forecast=forecast)  # there alone it would get
 
 
+def test_a_refusal_says_in_which_wind_the_flight_there_and_the_flight_on_were_reckoned():
+    scenario = line(0.0, 12.0, target="b", reach_km=17.0)
+    told = r"takes \d+ % of the battery of m200-v2 in the best forecast wind.*the flight on from b.*more in an unfavourable wind"
+    with pytest.raises(NoRouteError, match=told):
+        plan(scenario, ask("b"), planner="robust", forecast=calm(scenario))
+
+
 def test_what_cannot_be_asked_for_is_refused():
     scenario = line(0.0, 9.0, 15.0, target="b")
     wrong = {
