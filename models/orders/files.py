@@ -130,7 +130,10 @@ def _vehicle(row: Row) -> Vehicle:
 
 def _percent(row: Row, field: str, low: float) -> float:
     """Read percent as a share; without it, the whole."""
-    return row.number(field, low, 100.0, 100.0, " percent") / 100.0
+    percent = row.number(field, low, 100.0, 100.0, " percent")
+    if 0.0 < percent < 1.0:
+        row.fault(field, "is probably a share: it is read as percent", f"{100.0 * percent:g} for {100.0 * percent:g} %")
+    return percent / 100.0
 
 
 def _place(row: Row, field: str) -> str:

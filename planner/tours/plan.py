@@ -108,7 +108,9 @@ def plan_tours(
             charges = rows[(rows[:, KIND] == CHARGE) & (rows[:, PAD] >= 0)]
             taken += [(int(row[PAD]), group.begin_s + row[BEGIN], group.begin_s + row[END]) for row in charges]
         for node in search.refused.tolist():
-            answers[-1 - group.orders[node - 1]] = _refused(work, group, search, node)
+            key = -1 - group.orders[node - 1]
+            if key not in answers or answers[key].hopeless:  # drones of another type could have served it
+                answers[key] = _refused(work, group, search, node)
     every = tuple(
         answers.get(number) or answers.get(-1 - number) or _unserved(work, number) for number in range(len(work.orders))
     )

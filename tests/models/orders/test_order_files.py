@@ -112,6 +112,7 @@ def test_drones_are_read_with_their_defaults(tmp_path):
 @pytest.mark.parametrize(
     ("row", "said"),
     [
+        ("d,m200-v2,edison,,0.9,,,", "fleet.csv:2: charge_percent: is probably a share: it is read as percent (got '0.9'); 90 for 90 %"),
         ("d,m200-v2,edison,,101,,,", "fleet.csv:2: charge_percent: out of range (got '101'); must be from 0 to 100 percent"),
         ("d,m200-v2,edison,,,,,5", "fleet.csv:2: battery_health_percent: out of range"),
         ("d,m200-v2,edison,,,2013-07-10T12:00Z,2013-07-10T11:00Z,", "fleet.csv:2: available_to: is not after available_from"),

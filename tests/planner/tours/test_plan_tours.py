@@ -147,6 +147,16 @@ def test_what_no_drone_can_do_is_refused_with_its_reason(forecast):
     assert made.routes == ()
 
 
+def test_an_order_that_only_the_larger_drone_could_have_served_is_not_called_hopeless(forecast):
+    heavy = [order("a", "yankee-stadium", 4.0), order("b", "yankee-stadium", 4.0)]
+    drones = [Vehicle(id="big", type="m600", home="bellevue", place="bellevue", soc=0.9), drone("small")]
+    scenario, wind = forecast
+    made = plan_tours(fit(scenario, heavy, drones), START, forecast=wind, time_limit_s=600.0, iterations=200)
+    refused = next(one for one in made.answers if one.status == "refused")
+    assert refused.reason == "the drones and pads serve orders of greater weight"
+    assert not refused.hopeless
+
+
 def test_pads_that_others_have_are_left_to_them(forecast):
     work, free = planned(forecast, [order("a", "jacobi", due_min=240)], [drone("d1")])
     window = next(one.windows[0] for one in free.answers if one.windows)
