@@ -103,6 +103,7 @@ class Improver:
             search.iterations += 1
         if best is not None and search.cost > best_cost:
             search.all_back(best)
+        search.spare_halts()
 
     def _again(self) -> bool:
         """Schedule some drones again with other stops, in another sequence; false if one becomes infeasible."""

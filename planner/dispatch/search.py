@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from skyway.planner.calendar_kernels import Calendar, book
-from skyway.planner.dispatch.flight_kernels import HOME, Trace
+from skyway.planner.dispatch.flight_kernels import END, HOME, Trace
 from skyway.planner.dispatch.plan_kernels import Routes, insertions, lay_out, rebook, unbook
 from skyway.planner.dispatch.route_kernels import Halts
 
@@ -239,6 +239,23 @@ class Search:
             costs.append(float(self.routes.total[drone]) if self.lay_out(drone) else math.inf)
         halts.place[order, phase], halts.soc[order, phase] = tried[int(np.argmin(costs))]
         return min(costs) < math.inf and self.lay_out(drone)
+
+    def spare_halts(self) -> None:
+        """Leave out the stops that the search chose and that neither lower the cost of a route nor end it earlier."""
+        halts = self.routes.halts
+        for drone in range(self.drones):
+            chosen = [
+                (order, phase) for order in self.route(drone) for phase in range(3) if halts.place[order, phase] >= 0
+            ]
+            for order, phase in chosen:
+                before, place = self.saved(drone), int(halts.place[order, phase])
+                cost, end_s = float(self.routes.total[drone]), float(self.steps[drone][-1, END])
+                halts.place[order, phase] = -1
+                if not (
+                    self.lay_out(drone) and self.routes.total[drone] <= cost and self.steps[drone][-1, END] <= end_s
+                ):
+                    halts.place[order, phase] = place
+                    self.restore(drone, before)
 
     def _enough(self, drone: int, order: int, phase: int, stop: int, otherwise: float) -> float:
         """Charge of a flight from a stop to the next goal; `otherwise` if a full battery is too little."""

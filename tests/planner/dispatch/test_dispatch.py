@@ -221,6 +221,21 @@ def test_a_fleet_of_new_york(new_york):
         assert all(first.end <= then.begin for first, then in pairwise(route.steps))
 
 
+def test_no_drone_changes_its_pad_in_the_middle_of_a_charge(new_york):
+    drones = [Vehicle(id=str(soc), type="m200", home="bellevue", place="bellevue", soc=soc) for soc in (0.6, 0.9)]
+    orders = [
+        order("blood", "bellevue", "jacobi", priority=1),
+        order("plasma", "bellevue", "jacobi", 0.3, ready_min=10),
+        order("kit", "bellevue", "yankee-stadium", 0.3, hours=1.5),
+    ]
+    work = fit(new_york, orders, drones)
+    wind = constant_wind(4.0, 270.0, START, 48, 40.7, -73.9, new_york.rules.cruise_height_m)
+    plan = dispatch(work, START, forecast=wind, time_limit_s=120.0, iterations=500)
+    for route in plan.routes:
+        for first, then in pairwise(route.steps):
+            assert not (first.kind == then.kind == "charge")
+
+
 def test_pads_of_others_are_waited_for(new_york):
     drones = [Vehicle(id="d", type="m200", home="bellevue", place="bellevue", soc=0.25)]
     orders = [order("one", "bellevue", "jacobi", hours=6.0)]
