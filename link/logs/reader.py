@@ -91,6 +91,10 @@ def titles() -> str:
     return f"{', '.join(first)} or {last}"
 
 
+PACKED = (b"\x1f\x8b", b"PK\x03\x04", b"7z\xbc\xaf\x27\x1c", b"\xfd7zXZ\x00")
+"""First bytes of gzip, zip, 7z and xz."""
+
+
 def suffixes() -> str:
     """Return all suffixes for a message: ``.tlog, .bin, .ulg or .csv``."""
     *first, last = (f".{one.suffix}" for one in FORMATS.values())
@@ -116,7 +120,8 @@ def format_of(path: Path) -> str:
     damaged = (name for name, one in FORMATS.items() if one.within is not None and one.within(head))
     found = next((name for names in (whole, named, damaged) for name in names), None)
     if found is None:
-        raise InputError(Fault("is not a known flight log format", str(path), remedy=titles()))
+        remedy = "decompress it first" if head.startswith(PACKED) else titles()
+        raise InputError(Fault("is not a known flight log format", str(path), remedy=remedy))
     if FORMATS[found].takes_columns and head.lstrip()[:1] in (b"{", b"["):
         problem = "is JSON (a plan, mission or journal), not a flight log"
         raise InputError(Fault(problem, str(path), remedy=f"name {titles()}; skyway report reads journals"))

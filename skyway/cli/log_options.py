@@ -12,7 +12,7 @@ import typer
 from skyway import typed_values
 from skyway.link.logs.reader import FORMATS, titles
 from skyway.models.base.errors import InputError
-from skyway.models.base.formatting import distance_text
+from skyway.models.base.formatting import distance_text, percent
 from skyway.scenarios import load_scenario
 
 if TYPE_CHECKING:
@@ -34,6 +34,9 @@ VehicleKind = Annotated[
     str | None,
     typer.Option("--vehicle", help="Kind of vehicle, if the log does not state it: multirotor, 'fixed wing', VTOL, …."),
 ]
+
+DAMAGED = 0.05
+"""Share of a log that cannot be read, from which on it is reported; real logs of good flights have up to 1 %."""
 
 ScenarioName = Annotated[
     str | None,
@@ -135,7 +138,7 @@ def warn_if_far(log: Log, ensemble: WindEnsemble, path: Path) -> None:
 
 
 def open_any(path: Path, columns: Path | None) -> Log:
-    """Open a log of any format; warns on stderr where its suffix is another."""
+    """Open a log of any format; warns on stderr if its suffix is another, or if much of it is damaged."""
     from skyway.link.logs.csv_log import read_columns
     from skyway.link.logs.reader import open_log
 
@@ -146,6 +149,10 @@ def open_any(path: Path, columns: Path | None) -> Log:
     names = [part.lower().lstrip(".") for part in path.suffixes]
     if usual not in names:
         typer.echo(f"skyway: {path} has another suffix, but is a .{usual} log", err=True)
+    lost = opened.summary.skipped_bytes / path.stat().st_size
+    if lost > DAMAGED and "gz" not in names:
+        what = "it is in rows without a time" if usual == "csv" else "its bytes belong to no message"
+        typer.echo(f"skyway: {path}: {percent(lost)} of {what}: what is missing is not in the result", err=True)
     return opened
 
 

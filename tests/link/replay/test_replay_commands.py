@@ -239,6 +239,7 @@ def test_replay_refuses_what_makes_no_sense_in_one_line(skyway, flight, argument
         ("header.csv", b"time_s,roll_rad\n", "no valid message"),
         ("picture.tlog", b"\x89PNG\r\n\x1a\n", "no valid message"),
         ("picture.png", b"\x89PNG\r\n\x1a\n", "not a known flight log format"),
+        ("flight.tlog.gz", b"\x1f\x8b\x08\x00\x00\x00\x00\x00", "not a known flight log format; decompress it first"),
     ],
 )
 @pytest.mark.parametrize("command", [("replay",), ("calibrate", "wind"), ("calibrate", "energy")])
@@ -254,6 +255,19 @@ def test_a_log_cut_off_in_a_message_counts_its_rest(skyway, flight, tmp_path):
     report = json.loads(skyway("replay", "cut.tlog", "--json"))
     assert report["messages"] == 5519
     assert report["skipped_bytes"] > 0
+
+
+@pytest.mark.parametrize("command", [("calibrate", "wind"), ("forecast",), ("replay",)])
+def test_a_log_of_which_much_is_damaged_is_used_with_a_warning(capsys, flight, tmp_path, command):
+    data = flight.read_bytes()
+    middle = len(data) // 2
+    (tmp_path / "half.tlog").write_bytes(data[:middle] + b"\x00" * (len(data) - middle))
+    (tmp_path / "whole.tlog").write_bytes(data)
+    warnings = []
+    for name in ("whole.tlog", "half.tlog"):
+        main([*command, str(tmp_path / name)])
+        warnings.append("of its bytes belong to no message" in capsys.readouterr().err)
+    assert warnings == [False, True]
 
 
 @pytest.mark.parametrize(
