@@ -1,6 +1,7 @@
 """Verification of forecasts against observations by lead time, and the learnt error.
 
-Bias and root mean square error (RMSE) are of the ensemble mean; the CRPS (continuous ranked probability score) is of all members, for one course the
+Bias and root mean square error (RMSE) of the speed are of the mean of the members' speeds, since in the mean of their vectors winds from different sides cancel;
+the RMSE of a component is of the mean vector. The CRPS (continuous ranked probability score) is of all members, for one course the
 mean absolute error. Spread is the standard deviation of the members about their mean, to be compared with the RMSE of a component.
 
 The learnt model is EMOS for each component: the observation is Gaussian about the mean without its bias, with the variance c + d S^2 of the ensemble's
@@ -190,7 +191,7 @@ def scores(pairs: Pairs) -> list[LeadScore]:
         mean, variance = _moments(pairs, rows)
         error = mean - pairs.observed[rows]
         seen = np.hypot(*pairs.observed[rows].T)
-        speed = np.hypot(*mean.T)
+        speed = np.array([np.hypot(*pairs.forecast[row]).mean() for row in rows])
         raw = [crps(np.hypot(*pairs.forecast[row]), float(truth)) for row, truth in zip(rows, seen, strict=True)]
         better = [math.nan]
         if all(one is not None for one in learnt):

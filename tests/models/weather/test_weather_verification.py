@@ -11,7 +11,7 @@ from scipy.stats import norm
 from skyway.models.base.errors import InputError
 from skyway.models.weather.forecasting import forecast_ensemble
 from skyway.models.weather.region import Region
-from skyway.models.weather.verification import crps, gaussian_crps, learn, pairs_of, scores
+from skyway.models.weather.verification import Pairs, crps, gaussian_crps, learn, pairs_of, scores
 from skyway.models.weather.weather import EAST, NORTH, FieldKey, Places, Weather
 from skyway.models.wind.estimation.field import WindObservation
 from skyway.scenarios import load_scenario
@@ -33,6 +33,19 @@ def test_the_score_of_a_gaussian_is_the_integral_that_defines_it(error, sigma):
         + quad(lambda y: norm.sf(y, 0.0, sigma) ** 2, error, 40.0, limit=200)[0]
     )
     assert gaussian_crps(np.array([error]), np.array([sigma]))[0] == pytest.approx(whole, abs=1e-6)
+
+
+def test_members_from_all_sides_that_are_as_strong_as_the_wind_have_no_bias_of_the_speed():
+    rng = np.random.default_rng(3)
+    forecast = tuple(rng.normal(0.0, 3.0, (2, 40)) for _ in range(300))
+    count = np.zeros(300, dtype=np.int64)
+    pairs = Pairs(
+        np.full(300, 1800.0), count, count, forecast, rng.normal(0.0, 3.0, (300, 2)), np.array([[40.0, -74.0]])
+    )
+    (score,) = scores(pairs)
+    assert score.speed_bias_mps == pytest.approx(0.0, abs=0.3)
+    assert score.speed_rmse_mps == pytest.approx(3.0 * np.sqrt(2.0 - np.pi / 2.0), rel=0.1)
+    assert score.component_rmse_mps == pytest.approx(3.0, rel=0.1)
 
 
 KEEP = float(np.exp(-1.0 / 6.0))
