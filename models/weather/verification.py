@@ -40,6 +40,10 @@ LEAST_PAIRS = 20
 """Per lead: leads with fewer pairs are combined with the next one."""
 PRIOR_PAIRS = 10.0
 """The published figures count as this many pairs in the average with the learnt ones."""
+COPIES = 20
+"""Copies of each member, on average, if members are not equally probable."""
+SAME_SHARE = 1e-3
+"""Probabilities that differ by less than this share are equal."""
 STRETCH_COST = 0.01
 """If c and d are interchangeable, as they are if the spread hardly varies, members are stretched less and c is larger."""
 
@@ -143,8 +147,19 @@ def _members(one: Weather, placing: Placing, seen: WindObservation, exponent: fl
         found = found[..., 0] if one.holds else (1.0 - share) * found[..., 0] + share * found[..., 1]
     else:
         found = found[..., 0]
-    kept = np.isfinite(found).all(axis=0)
-    return found[:, kept] if kept.any() else None
+    kept = np.flatnonzero(np.isfinite(found).all(axis=0))
+    if one.probability is not None:
+        kept = _equally_probable(kept, one.probability[kept])
+    return found[:, kept] if len(kept) else None
+
+
+def _equally_probable(members: NDArray[np.int64], probability: NDArray[np.float64]) -> NDArray[np.int64]:
+    """Repeat members by their probability, so that all are equally probable; the same members if they are."""
+    if not len(members) or np.ptp(probability) < SAME_SHARE * probability.max():
+        return members
+    count = COPIES * len(members)
+    until = np.rint(count * np.cumsum(probability) / probability.sum()).astype(np.int64)
+    return np.repeat(members, np.diff(until, prepend=0))
 
 
 def crps(members: NDArray[np.float64], observed: float) -> float:

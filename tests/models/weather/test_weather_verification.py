@@ -48,6 +48,20 @@ def test_members_from_all_sides_that_are_as_strong_as_the_wind_have_no_bias_of_t
     assert score.component_rmse_mps == pytest.approx(3.0, rel=0.1)
 
 
+def test_members_count_by_their_probability():
+    """A wind of 5 m/s that is 90 % probable, and one of 15 m/s; the wind that came was 5 m/s."""
+    time = 1e9 + 3600.0 * np.arange(3)
+    fields = {FieldKey(EAST, 10.0): np.array([[[5.0]] * 3, [[15.0]] * 3]), FieldKey(NORTH, 10.0): np.zeros((2, 3, 1))}
+    lat, lon = np.array([40.0]), np.array([-74.0])
+    made = ("made.csv",), "CSV", "made", float(time[0]), Places(lat, lon, "1 point"), ("likely", "storm"), time, fields
+    seen = [WindObservation(at, 40.0, -74.0, 0.0, 5.0, 1.0, 10.0) for at in time]
+    (score,) = scores(pairs_of([Weather(*made, probability=np.array([0.9, 0.1]))], seen, 0.2))
+    assert score.speed_bias_mps == pytest.approx(1.0, abs=0.02)
+    assert score.crps_mps == pytest.approx(0.1 * 10.0 - 0.9 * 0.1 * 10.0, abs=0.02)
+    (equal,) = scores(pairs_of([Weather(*made)], seen, 0.2))
+    assert equal.speed_bias_mps == pytest.approx(5.0)
+
+
 KEEP = float(np.exp(-1.0 / 6.0))
 
 
