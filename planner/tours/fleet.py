@@ -93,7 +93,7 @@ def group_of(work: Work, laid: Laid, drones: Sequence[int], orders: Sequence[int
     payload = max(mass for drone, mass in laid.modes if drone == work.vehicles[at[0]].type)
     vehicles = _vehicles(laid, at, payload, begin_s, last_s)
     pads = Pads(flights.first_pad[flights.stops], flights.pads[flights.stops], _calendar(flights, taken, begin_s))
-    tours, _ = lay_out(arcs, visits, np.arange(count + 1, every), vehicles, charging, pads, NO_DEPOT)
+    tours, _ = lay_out(arcs, visits, np.arange(count + 1, every), vehicles, charging, pads, NO_DEPOT, alike=places)
     return Group(place, tuple(at.tolist()), tuple(which.tolist()), tours, begin_s, waits)
 
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from skyway.planner.calendar_kernels import Calendar
-from skyway.planner.tours.way_kernels import ARC, COST, ENERGY, LIFT, STATION, TABLE, TIME, ways_of
+from skyway.planner.tours.way_kernels import ARC, COST, ENERGY, LIFT, SLACK, STATION, TABLE, TIME, ways_of
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -140,7 +140,8 @@ def alike(count: int, begin: float, end: float, energy: float, capacity: float) 
 
 
 def lay_out(
-    arcs: Arcs, visits: Visits, stations: NDArray[np.int64], vehicles: Vehicles, charging: Charging, pads: Pads = NO_PADS, depot: Depot = NO_DEPOT
+    arcs: Arcs, visits: Visits, stations: NDArray[np.int64], vehicles: Vehicles, charging: Charging, pads: Pads = NO_PADS, depot: Depot = NO_DEPOT,
+    alike: NDArray[np.int64] | None = None,
 ) -> tuple[Tours, NDArray[np.int64]]:  # fmt: skip
     """Return the problem, and the place of each of its nodes.
 
@@ -156,8 +157,11 @@ def lay_out(
         Charging at the stations.
     pads, depot : Pads, Depot
         Limited chargers.
+    alike : array, shape (places,), optional
+        Number of each place; those with the same arcs have the same number, so that their ways are found once.
     """
     places = len(visits.ready)
+    known: dict[tuple[int, int], tuple[NDArray[np.float64], NDArray[np.float64]]] = {}
     nodes = np.setdiff1d(np.arange(places), stations)
     rows: list[NDArray[np.float64]] = [np.empty((0, TABLE))]
     first = np.zeros((len(nodes), len(nodes) + 1), dtype=np.int64)
@@ -171,7 +175,14 @@ def lay_out(
             spare = float(visits.due[j] - visits.ready[i] - visits.service[i])
             if tail == head or spare < 0.0:
                 continue
-            found = ways_of(arcs, stations, i, j, spare, float(charging.battery), float(charging.level), most)
+            pair = (i, j) if alike is None else (int(alike[i]), int(alike[j]))
+            if pair not in known:
+                longest = spare if alike is None else np.inf
+                found = ways_of(arcs, stations, i, j, longest, float(charging.battery), float(charging.level), most)
+                known[pair] = found, found[:, TIME : TIME + 3].sum(axis=1)
+            found, time = known[pair]
+            if len(time) and time.max() > spare + SLACK:
+                found = found[time <= spare + SLACK]
             if len(found):
                 least[tail, head] = found[0, COST]
                 fastest[tail, head] = found[:, TIME : TIME + 3].sum(axis=1).min()

@@ -21,7 +21,7 @@ from skyway.planner.parameters.tours import ToursParameters
 from skyway.planner.tours.charger_kernels import BEGIN, KIND, SERVE
 from skyway.planner.tours.earlier import deliver_earlier
 from skyway.planner.tours.plan import plan_tours
-from skyway.planner.tours.problem import alike
+from skyway.planner.tours.problem import Arcs, Charging, Visits, alike, lay_out
 from skyway.planner.tours.solve import solve
 
 START = datetime(2013, 7, 10, 18, tzinfo=UTC)
@@ -181,6 +181,25 @@ def test_fewest_drones_saves_a_drone_where_two_would_take_less_time(forecast):
     assert len(few.routes) == 1
     assert len(quick.routes) == 2
     assert quick.cost_s <= few.cost_s
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_ways_that_are_found_once_for_all_customers_of_a_place_are_those_of_each(seed):
+    random = np.random.default_rng(seed)
+    where = np.array([0, 1, 1, 2, 1, 3, 4])  # the depot, customers, of which three are at one place, and two stations
+    spot = random.uniform(0.0, 40.0, (5, 2))[where]
+    far = np.hypot(*(spot[:, None] - spot[None]).T).T
+    arcs = Arcs(*(table[None] for table in (far, 2.0 * far, 1.5 * far, 0.1 * far)))
+    due = np.array([400.0, *random.uniform(20.0, 300.0, 4), 400.0, 400.0])
+    zero = np.zeros(7)
+    problem = arcs, Visits(zero, due, zero, zero, zero, zero), np.array([5, 6]), alike(2, 0.0, 400.0, 60.0, 1.0)
+    each, once = (lay_out(*problem, Charging(0.5, 48.0, 60.0), alike=one)[0] for one in (None, where))
+    assert len(each.ways.cost) > 20
+    for parts in (
+        (each.ways, once.ways),
+        ((each.first, each.fastest, each.near), (once.first, once.fastest, once.near)),
+    ):
+        assert all(np.array_equal(one, other) for one, other in zip(*parts, strict=True))
 
 
 def test_packages_for_one_place_are_delivered_together_and_on_its_first_passage(forecast):
