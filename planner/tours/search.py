@@ -184,8 +184,9 @@ class Search:
         return max(float(np.mean(alone)), 1e-9) if alone else 1.0
 
     def restart(self) -> None:
-        """Continue from the best plan, if there is one; with the initial cost of an absent customer."""
+        """Continue from the best plan, with the initial cost of an absent customer; without a best plan from the present one."""
         if not self.used:
+            copy_plan(self.plan, self.trial)
             return
         copy_plan(self.best, self.plan)
         copy_plan(self.best, self.trial)
@@ -240,13 +241,20 @@ class Search:
         plan.cost[:] = plan.load[:] = 0.0
         plan.route_of[:] = -1
         feasible = all(self.put(plan, number, *route) for number, route in enumerate(routes))
-        feasible = feasible and lateness(self.tours, plan, self.chargers) == 0.0
+        if not feasible:
+            self.restart()
+        return feasible and self.keep_trial()
+
+    def keep_trial(self) -> bool:
+        """Make the trial plan, whose routes are feasible, the best one if it is in time and costs less; continue from the best. False if it is late."""
+        plan = self.trial
+        in_time = bool(lateness(self.tours, plan, self.chargers) == 0.0)
         cost = total_cost(plan) + absent_cost(self.tours, self.work, plan)[0]
-        if feasible and cost < self.best_cost - GAIN:
+        if in_time and cost < self.best_cost - GAIN:
             copy_plan(plan, self.best)
             self.best_cost = cost
         self.restart()
-        return feasible
+        return in_time
 
     def alone(self, node: int) -> bool:
         """Return whether a vehicle could serve a customer if it were the only one."""

@@ -8,7 +8,10 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from skyway.models.base.errors import InputError
+from skyway.planner.tours.charger_kernels import clear, drive, lateness
+from skyway.planner.tours.route_kernels import insertion
 from skyway.planner.tours.search import Search
+from skyway.planner.tours.search_kernels import copy_plan
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -25,6 +28,10 @@ FEWER = 0.02
 """Temperature while the number of vehicles is reduced, in mean tours with one customer."""
 BUILT = 2000
 """Iterations of the initial plan."""
+SERVED_SHARE = 0.2
+"""Share of the time by which the first plan in time is complete."""
+CHEAPEST_TRIED = 3
+"""Places at which a customer is inserted again, if nothing becomes late by that."""
 EDGE = 1e-6
 """A selection is better if it costs less by this."""
 
@@ -82,6 +89,7 @@ def solve(
         cool=parameters.cool,
         most_routes=vehicles,
     )
+    _serve_in_time(search, begin + SERVED_SHARE * time_limit_s)
     most = vehicles
     if fewest_vehicles:
         share = parameters.fleet_share
@@ -101,6 +109,7 @@ def solve(
             cool=parameters.cool,
             most_routes=most,
         )
+        _serve_in_time(search, end_at - rest * (1.0 - spent))
         _choose(search, most, end_at - rest * (1.0 - spent))
     return search
 
@@ -163,6 +172,88 @@ def _choose(search: Search, most_routes: int, end_at: float) -> None:
         if picked is None or search.take([routes[number][:2] for number in picked]):
             break
         apart.append(picked.tolist())
+
+
+def _serve_in_time(search: Search, end_at: float) -> None:
+    """Make the present plan one in time, if it is late since pads are few and too many customers are served: those for whom a tour is late leave it, and are inserted where nothing becomes late.
+
+    The search alone finds no such plan: it inserts every customer whom the energy and the windows of a tour allow, whether or not pads are free.
+    """
+    plan, tours = search.trial, search.tours
+    if not len(tours.pads.number) or not len(search.refused):
+        return
+    copy_plan(search.plan, plan)
+    clear(tours, search.chargers.calendar)
+    for vehicle in np.flatnonzero(plan.length).tolist():
+        _relieve(search, vehicle)
+    absent = np.flatnonzero(plan.route_of[1:] < 0) + 1
+    for node in absent[np.argsort(-tours.refusal[absent], kind="stable")].tolist():
+        if time.perf_counter() >= end_at:
+            break
+        _insert_in_time(search, node)
+    search.keep_trial()
+
+
+def _relieve(search: Search, vehicle: int) -> None:
+    """Take out customers of a tour of the trial plan until it is in time on the pads that the tours before it leave; book its pads."""
+    plan, tours, calendar = search.trial, search.tours, search.chargers.calendar
+    booked = calendar.filled.copy(), *(part[:, : calendar.filled.max() + 1].copy() for part in calendar[:3])
+
+    def late() -> float:
+        found = drive(tours, plan, vehicle, calendar, search.chargers.silent)[0]
+        calendar.filled[:] = booked[0]
+        for part, before in zip(calendar[:3], booked[1:], strict=True):
+            part[:, : before.shape[1]] = before
+        return float(found)
+
+    while plan.length[vehicle] and late() > 0.0:
+        customers = plan.customer[vehicle, : plan.length[vehicle]].tolist()
+        tried = []
+        for position, node in enumerate(customers):
+            if _lay_out_again(search, vehicle, customers[:position] + customers[position + 1 :]):
+                tried.append((late(), float(tours.refusal[node]), position))
+        position = min(tried)[2] if tried else 0
+        left = customers[:position] + customers[position + 1 :]
+        if not _lay_out_again(search, vehicle, left):
+            _lay_out_again(search, vehicle, [])
+    if plan.length[vehicle]:
+        drive(tours, plan, vehicle, calendar, search.chargers.silent)
+
+
+def _lay_out_again(search: Search, vehicle: int, customers: Sequence[int]) -> bool:
+    """Give a vehicle of the trial plan some customers, in this order, with the cheapest ways to each; false if that is not feasible."""
+    plan = search.trial
+    plan.route_of[plan.route_of == vehicle] = -1
+    plan.length[vehicle] = 0
+    ways: list[int] = []
+    for count, node in enumerate(customers):
+        _, to, on = insertion(search.tours, plan, vehicle, count, node, np.inf)
+        ways = [*ways[:-1], to, on]
+        if to < 0 or not search.put(plan, vehicle, customers[: count + 1], ways):
+            return False
+    return True
+
+
+def _insert_in_time(search: Search, node: int) -> None:
+    """Insert a customer into a tour of the trial plan, or a new one, where that costs least and nothing becomes late by it."""
+    plan, tours = search.trial, search.tours
+    idle = np.flatnonzero(plan.length == 0)
+    first_idle = idle[np.unique(tours.vehicles.kind[idle], return_index=True)[1]]
+    load = np.where(plan.length > 0, plan.load, 0.0) + tours.demand[node]
+    vehicles = np.concatenate((np.flatnonzero(plan.length), first_idle))
+    vehicles = vehicles[load[vehicles] <= tours.vehicles.capacity[vehicles] + EDGE]
+    places = [(vehicle, at) for vehicle in vehicles.tolist() for at in range(int(plan.length[vehicle]) + 1)]
+    found = sorted((*insertion(tours, plan, vehicle, at, node, np.inf), vehicle, at) for vehicle, at in places)
+    for cost, to, on, vehicle, at in found[:CHEAPEST_TRIED]:
+        if cost >= tours.refusal[node]:
+            return
+        count = int(plan.length[vehicle])
+        customers, ways = plan.customer[vehicle, :count].tolist(), plan.way[vehicle, : count + 1].tolist()
+        longer = [*customers[:at], node, *customers[at:]], [*ways[:at], to, on, *ways[at + 1 :]]
+        if search.put(plan, vehicle, *longer) and lateness(tours, plan, search.chargers) == 0.0:
+            return
+        plan.route_of[node] = -1
+        search.put(plan, vehicle, customers, ways)
 
 
 def partition(

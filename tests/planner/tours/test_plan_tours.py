@@ -183,6 +183,18 @@ def test_fewest_drones_saves_a_drone_where_two_would_take_less_time(forecast):
     assert quick.cost_s <= few.cost_s
 
 
+@pytest.mark.parametrize(
+    ("orders", "drones", "soc", "places", "least"),
+    [(60, 12, 0.4, ("yankee-stadium",), 35), (60, 10, 0.3, ("elmhurst", "jacobi"), 30)],
+)
+def test_where_pads_are_too_few_for_all_orders_many_are_served_and_none_is_late(
+    forecast, orders, drones, soc, places, least
+):
+    wanted = [order(f"o{one}", places[one % len(places)], 0.28, due_min=150) for one in range(orders)]
+    _, made = planned(forecast, wanted, [drone(f"d{one}", soc) for one in range(drones)])
+    assert made.served >= least
+
+
 @pytest.mark.parametrize("seed", range(4))
 def test_ways_that_are_found_once_for_all_customers_of_a_place_are_those_of_each(seed):
     random = np.random.default_rng(seed)
