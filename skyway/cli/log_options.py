@@ -108,11 +108,10 @@ def log_forecast(
     return forecast_of(ensemble, rules.wind_profile_exponent), settings_for(aloft)
 
 
-def dated(log: Log, path: Path) -> float:
-    """Start of a log in POSIX seconds; an `InputError` where it does not know the date."""
+def dated(log: Log, path: Path, remedy: str = "give the wind with --wind") -> float:
+    """Start of a log in POSIX seconds; an `InputError` with a remedy where it does not know the date."""
     summary = log.summary
     if not summary.time_base.absolute or not math.isfinite(summary.start_s):
-        remedy = "give the wind with --wind"
         raise InputError("has no date, so no forecast can be found for it", str(path), remedy=remedy)
     return summary.start_s
 

@@ -61,6 +61,14 @@ def test_two_logs_are_fused_and_the_forecast_comes_nearer_to_what_they_measured(
     assert {row["site"] for row in report["field"]} == {"EWR", "JFK", "LGA"}
 
 
+def test_a_log_without_a_date_is_refused_with_what_would_have_one(skyway, tmp_path):
+    write_log(tmp_path / "undated.csv", begin_s=0.0)
+    told = skyway("forecast", "undated.csv", code=2).err
+    assert "has no date" in told
+    assert "GPS time" in told
+    assert "--wind" not in told
+
+
 @pytest.mark.usefixtures("logs")
 def test_the_wind_that_is_told_at_each_site_is_that_of_the_written_forecast(skyway, tmp_path):
     report = json.loads(skyway("forecast", "one.csv", "two.csv", "--drag", "drag.toml", "-o", "new.csv", "--json").out)

@@ -128,7 +128,7 @@ def _observations(path: Path, columns: Path | None, asked: ReplayOptions) -> lis
 
     log = open_any(path, columns)
     log_options.refuse_wrong_units(log, path, "wrong_time")
-    log_options.dated(log, path)
+    log_options.dated(log, path, "a log with GPS time, or a table whose times are instants (ISO 8601 or POSIX seconds)")
     found: list[WindObservation] = []
     for system in log.summary.systems:
         course = replay(log, replace(asked, system=system))
