@@ -352,8 +352,9 @@ def test_a_flight_is_flown_again_as_it_was_in_the_same_gusts(long_instance):
 def test_where_the_wind_closes_a_flight_for_hours_a_route_of_shorter_ones_is_better():
     instance = read_instance(FOLDER / "geometric-1000-0.5.json")
     case = case_of(instance.scenario(), instance, 2, 1)
-    short = plan(case.scenario, case.request("enough"), planner=ROBUST, forecast=case.forecast)
-    patient = with_settings(PlannerParameters(), ["robust.long_wait=10"])
+    usual = with_settings(PlannerParameters(), ["robust.margins=0.12"])
+    short = plan(case.scenario, case.request("enough"), planner=ROBUST, forecast=case.forecast, parameters=usual)
+    patient = with_settings(usual, ["robust.long_wait=10"])
     long = plan(case.scenario, case.request("enough"), planner=ROBUST, forecast=case.forecast, parameters=patient)
     begin = short.problem.depart_s
     assert len(short.robust.candidates) > len(long.robust.candidates)
