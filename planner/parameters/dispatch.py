@@ -52,9 +52,7 @@ class DispatchParameters(Parameters):
     payload_classes: int = parameter(
         4, "packages count as the next of so many masses of equal steps, up to the heaviest that a drone carries", 1, 50
     )
-    margin: float = parameter(
-        0.12, "margin of each flight's energy for the wind, as `robust` composes routes with", 0, 1
-    )
+    margin: float = parameter(0.12, "margin of each flight's energy for the wind", 0, 1)
     vehicles_tried: int = parameter(
         24, "drones that an order is tried with, those that could fetch it first", 2, 10_000
     )
