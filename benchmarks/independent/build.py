@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from benchmarks.independent.ground import Ground
+    from benchmarks.independent.ground import Ground, Plane
     from benchmarks.independent.information import Order
     from benchmarks.independent.vehicle.craft import Flying
     from benchmarks.independent.vehicle.energy import DataSheet, Power
@@ -137,12 +137,14 @@ def _wind(
     drawn = rngs(_FIELD)
     low, high = LENGTH_M
     lengths = low + (high - low) * np.array([rng.integers(LENGTHS) for rng in drawn]) / (LENGTHS - 1)
-    return RandomField(xy, series, lengths, [_left_out(city, length) for length in lengths.tolist()], drawn)
+    return RandomField(
+        xy, series, lengths, [_left_out(city.sites, city.ground.plane, length) for length in lengths.tolist()], drawn
+    )
 
 
 @lru_cache(maxsize=128)
-def _left_out(city: City, length_m: float) -> LeftOut:
-    return leave_one_out(city.sites, city.ground.plane, length_m)
+def _left_out(sites: tuple[Site, ...], plane: Plane, length_m: float) -> LeftOut:
+    return leave_one_out(sites, plane, length_m)
 
 
 def _power(world: World, city: City, order: Order, rngs: list[np.random.Generator]) -> Power:

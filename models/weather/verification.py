@@ -1,6 +1,6 @@
 """Verification of forecasts against observations by lead time, and the learnt error.
 
-Bias and root mean square error (RMSE) of the speed are of the mean of the members' speeds, since in the mean of their vectors winds from different sides cancel;
+Bias and root mean square error (RMSE) of the speed are of the mean of the members' speeds, since the average of their vectors lets winds from different sides cancel;
 the RMSE of a component is of the mean vector. The CRPS (continuous ranked probability score) is of all members, for one course the
 mean absolute error. Spread is the standard deviation of the members about their mean, to be compared with the RMSE of a component.
 

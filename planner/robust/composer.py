@@ -55,9 +55,8 @@ class Composer:
         """Compose in the mean-value problem at several margins, and in a number of members with a sampled queue."""
         p = self.problem
         speeds, queues = self._mean_speeds, self._expected_queues
-        margins = self._margins[:1] if self._large else self._margins
         found = 0
-        for margin in margins:
+        for margin in self._margins:
             itinerary = self._compose(speeds, queues, margin, allowed)
             if itinerary is not None:
                 found += 1
@@ -88,7 +87,7 @@ class Composer:
         early = (Weights(per_h=1.0),) if p.closures else ()
         late = (0.0, self.parameters.closing_late_s) if p.closures else (0.0,)
         for weights, late_s in product((*p.request.objective.searched, *early), late):
-            for margin in self._margins[: 1 if self._large else None]:
+            for margin in self._margins:
                 if self._is_late():
                     return
                 speeds = self._mean_speeds
@@ -102,9 +101,9 @@ class Composer:
     def _margins(self) -> tuple[float, ...]:
         """Margins of each flight's energy with which routes are composed: for the wind, and for the energy belief.
 
-        The first one is that before the first leg, the others those after it.
+        The first one is that before the first leg, the others those after it; on large networks the first alone.
         """
-        begin, *others = self.parameters.margins
+        begin, *others = self.parameters.margins[: 1 if self._large else None]
         first = self.errors.energy_of(self.problem.drone)
         then = first.learnt(first.mean_ratio, 1.0, soc_sd=0.0)
         epsilon = self.problem.epsilon

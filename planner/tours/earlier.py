@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from skyway.planner.tours.charger_kernels import BEGIN, KIND, NODE, SERVE, clear, drive, lateness
+from skyway.planner.tours.charger_kernels import BEGIN, KIND, NODE, SERVE, lateness
 from skyway.planner.tours.route_kernels import GAIN
 from skyway.planner.tours.search_kernels import copy_plan
 
@@ -40,7 +40,7 @@ def deliver_earlier(search: Search) -> None:
     if not search.used:
         return
     search.restart()
-    served_at = _service_times(search, np.flatnonzero(search.best.length))
+    served_at = _service_times(search)
     left, improved = MOST_TRIED, True
     while improved:
         improved = False
@@ -101,7 +101,7 @@ def _first_better(
         if all(search.put(search.trial, one, *route) for one, route in routes.items()):
             alone = _service_times(search, vehicles)
             if (weights[nodes] * alone[nodes]).sum() < goal * (1.0 - SOONER):
-                every = _service_times(search, np.flatnonzero(search.trial.length))
+                every = _service_times(search)
                 in_time = lateness(tours, search.trial, search.chargers) == 0.0
                 if in_time and (weights * every).sum() < (weights * served_at).sum() * (1.0 - SOONER):
                     copy_plan(search.trial, search.best)
@@ -136,14 +136,10 @@ def _choices(tours: Tours, pairs: Sequence[tuple[int, int]], most_cost: float) -
         todo += within[::-1]
 
 
-def _service_times(search: Search, vehicles: NDArray[np.int64]) -> NDArray[np.float64]:
-    """Return when each customer of some vehicles of the plan that is tried is served, without the other vehicles; 0 for all others."""
-    tours, calendar, plan = search.tours, search.chargers.calendar, search.trial
-    served_at = np.zeros(len(tours.ready))
-    clear(tours, calendar)
-    for vehicle in vehicles.tolist():
-        rows = np.zeros((6 * (int(plan.length[vehicle]) + 1), 8))
-        _, count = drive(tours, plan, vehicle, calendar, rows)
-        served = rows[:count][rows[:count, KIND] == SERVE]
+def _service_times(search: Search, vehicles: NDArray[np.int64] | None = None) -> NDArray[np.float64]:
+    """Return when each customer of some vehicles of the plan that is tried is served, without the other vehicles, or of all that it uses; 0 for all others."""
+    served_at = np.zeros(len(search.tours.ready))
+    for rows in search.timetables(search.trial, vehicles).values():
+        served = rows[rows[:, KIND] == SERVE]
         served_at[served[:, NODE].astype(np.int64)] = served[:, BEGIN]
     return served_at

@@ -262,14 +262,17 @@ class Search:
         fits = np.flatnonzero(vehicles.capacity + GAIN >= self.tours.demand[node])
         return any(insertion(self.tours, plan, int(vehicle), 0, node, np.inf)[0] < np.inf for vehicle in fits)
 
-    def timetables(self) -> dict[int, NDArray[np.float64]]:
-        """Return the timetable of each vehicle of the best plan, rows as in `charger_kernels`."""
+    def timetables(
+        self, plan: Plan | None = None, vehicles: NDArray[np.int64] | None = None
+    ) -> dict[int, NDArray[np.float64]]:
+        """Return the timetables of some vehicles of a plan, by default the best one, without the others, or of all that it uses; rows as in `charger_kernels`."""
+        plan = self.best if plan is None else plan
         calendar = self.chargers.calendar
         clear(self.tours, calendar)
         found = {}
-        for vehicle in np.flatnonzero(self.best.length).tolist():
-            rows = np.zeros((6 * (int(self.best.length[vehicle]) + 1), 8))
-            _, count = drive(self.tours, self.best, vehicle, calendar, rows)
+        for vehicle in (np.flatnonzero(plan.length) if vehicles is None else vehicles).tolist():
+            rows = np.zeros((6 * (int(plan.length[vehicle]) + 1), 8))
+            _, count = drive(self.tours, plan, vehicle, calendar, rows)
             found[vehicle] = rows[:count]
         return found
 

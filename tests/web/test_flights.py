@@ -235,7 +235,7 @@ def test_a_name_stays_while_it_is_typed(page):
         tab.wait_for_selector("#my-name")
         tab.focus("#my-name")
         tab.keyboard.type("Ana")
-        for _ in range(2):  # what is shown is drawn anew with each
+        for _ in range(2):  # what is shown is drawn again with each
             with tab.expect_response("**/api/fleet"):
                 pass
         tab.keyboard.type("bel")

@@ -130,21 +130,7 @@ def told_scenario(city: str, kept_back: str) -> Scenario:
 def city(name: str, flown: str = "") -> City:
     """A region for the world: positions, pads, segments, strangers, the data sheet of the drone flown, by default the usual one, and the raw record."""
     scenario = scenario_of(name)
-    drone = scenario.drone(flown or DRONES[name])
-    network, rules, load = scenario.network, scenario.rules, scenario.load
-    plane = Plane(float(np.mean(network.lat)), float(np.mean(network.lon)))
-    ground = Ground(
-        ids=tuple(one.id for one in network.stations),
-        plane=plane,
-        xy=plane.xy(network.lat, network.lon),
-        pads=np.array([one.pads for one in network.stations]),
-        spots=np.array([one.holding_spots for one in network.stations]),
-        tail=np.asarray(network.tail),
-        head=np.asarray(network.head),
-        arrivals_per_s=load.arrivals_per_s,
-        charging_s=load.mean_charging_s,
-        timezone=load.timezone,
-    )
+    drone, rules = scenario.drone(flown or DRONES[name]), scenario.rules
     sheet = DataSheet(
         mass_kg=drone.mass_kg,
         payload_kg=drone.max_payload_kg,
@@ -159,9 +145,10 @@ def city(name: str, flown: str = "") -> City:
         drone.cruise_airspeed_mps, drone.max_ground_speed_mps, rules.climb_rate_mps, rules.descent_rate_mps,
         rules.cruise_height_m,
     )  # fmt: skip
+    sites, ground = _region(name)
     return City(
         name,
-        REPORTS[name](),
+        sites,
         ground,
         sheet,
         how,
@@ -169,6 +156,27 @@ def city(name: str, flown: str = "") -> City:
         lambda kg: plant(drone, kg, how),
         LEAVING_UTC_H[name],
     )
+
+
+@lru_cache(maxsize=4)
+def _region(name: str) -> tuple[tuple[Site, ...], Ground]:
+    """The raw record and the ground of a region: the same whoever flies."""
+    scenario = scenario_of(name)
+    network, load = scenario.network, scenario.load
+    plane = Plane(float(np.mean(network.lat)), float(np.mean(network.lon)))
+    ground = Ground(
+        ids=tuple(one.id for one in network.stations),
+        plane=plane,
+        xy=plane.xy(network.lat, network.lon),
+        pads=np.array([one.pads for one in network.stations]),
+        spots=np.array([one.holding_spots for one in network.stations]),
+        tail=np.asarray(network.tail),
+        head=np.asarray(network.head),
+        arrivals_per_s=load.arrivals_per_s,
+        charging_s=load.mean_charging_s,
+        timezone=load.timezone,
+    )
+    return REPORTS[name](), ground
 
 
 def plant(drone: Drone, payload_kg: float, how: Flying) -> Power:
