@@ -130,16 +130,23 @@ class ExactSearch(GuidedSearch):
         Until some time first; before `least_s` there is no room.
         """
         near: Subnetwork | None = None
+        stations, tries = self.parameters.near_stations, 0
         while self._answer is None and not self._given_up:
             until_s = min(until_s, self._latest_s)
-            near = self._near(until_s, self.parameters.near_stations)
+            near = self._near(until_s, stations)
             if near is None and not (self._dense and self._time_limit_s == math.inf):
                 return
             if until_s > least_s:
                 self._search_until(until_s, near or self._layout(self._extent.usable(until_s), until_s))
+                tries += 1
             if until_s >= self._latest_s:
                 break
             until_s = self._longer(until_s)
+            if (
+                self._time_limit_s < math.inf and tries >= self.parameters.near_tries
+            ):  # perhaps no way leads over so few
+                stations *= 2
+                self._near_bound_s = self.problem.depart_s
         if self._answer is not None and near is not None and self._most_labels == math.inf and self._time_is_left:
             self._prove()
 
@@ -194,7 +201,7 @@ class ExactSearch(GuidedSearch):
             part, guide, forward = guided(whole, costs, forward, needed, self._come_by_s(deadline))
             if not hurry:
                 self._refine(part, guide, needed, deadline)
-            elif self._hurried(part, guide, forward, needed, deadline, last=deadline >= until_s):
+            elif self._hurried(part, guide, forward, needed, deadline, last=deadline >= until_s >= self._latest_s):
                 if self._most_labels < math.inf or self._answer is None:
                     return
                 if not whole.whole and self._time_limit_s > 0.0:  # however soon it ends, it ends with a bound
@@ -219,6 +226,6 @@ class ExactSearch(GuidedSearch):
 
         Tells whether there is one, or none.
         """
-        most = math.inf if last or part.whole else self.parameters.first_labels
+        most = math.inf if last or (part.whole and self._time_limit_s > 0.0) else self.parameters.first_labels
         one = self._run(part, guide, forward, needed, deadline_s, 0.0, most)
         return one.has_ended and (last or self._answer is not None)

@@ -75,6 +75,11 @@ class Composer:
             if itinerary is not None:
                 yield itinerary
 
+    def earliest_s(self) -> float:
+        """Return a bound of the earliest arrival in the mean-value problem without any margin, POSIX seconds; infinite without a way."""
+        search = ExactSearch(self.problem, self._expected_queues, speeds=self._mean_speeds)
+        return search.bound_s(self.problem.parameters.exact.near_stations)
+
     def short_flights(self, allowed: NDArray[np.bool_]) -> Itinerary | None:
         """Compose the best route of flights so short that hardly any wind makes them too long for the battery, on large networks the best within a few labels."""
         speeds, queues = self._mean_speeds, self._expected_queues

@@ -2,6 +2,7 @@
 
 import itertools
 import math
+import re
 from dataclasses import replace
 from datetime import UTC, date, datetime
 
@@ -17,9 +18,11 @@ from skyway.models.drones.drone import M200_V2
 from skyway.models.wind.forecast import constant_wind
 from skyway.planner.parameters.planner import USUAL
 from skyway.planner.plan import compare, plan
+from skyway.planner.problem.objective import Objective
 from skyway.planner.problem.problem import HORIZON_H
 from skyway.planner.problem.request import Request
 from skyway.planner.registry import FORECAST_PLANNERS, PLANNERS, ROBUST
+from skyway.planner.robust.robust import RobustSearch
 
 AFTERNOON = datetime(2013, 7, 10, 18, tzinfo=UTC)
 
@@ -138,6 +141,32 @@ def test_no_drone_of_the_fleet_would_be_expected_clearly_earlier(newyork, start,
             continue
         alone = plan(newyork, replace(request, drone=drone.id), forecast=wind)
         assert chosen.outcome.mean_s - depart.timestamp() <= 1.1 * (alone.outcome.mean_s - depart.timestamp())
+
+
+@pytest.mark.parametrize("objective", ["mean", "p95"])
+def test_a_drone_that_is_later_even_at_best_is_not_looked_at_and_says_so(newyork, objective, monkeypatch):
+    looked_at = set()
+    looks = RobustSearch.looks
+    monkeypatch.setattr(RobustSearch, "looks", lambda one: iter_of(one, looks, looked_at))
+    depart = datetime(2013, 7, 10, 18, tzinfo=UTC)
+    request = Request(
+        state=State(depart, "siuh-north"), destination="white-plains", payload_kg=0.8, objective=Objective(objective)
+    )
+    wind = newyork.forecast(depart, HORIZON_H)
+    chosen = plan(newyork, request, forecast=wind)
+    told = {drone: re.match("at least ([0-9]+) min later", why) for drone, why in chosen.rejected.items()}
+    hopeless = {drone: 60.0 * float(found[1]) for drone, found in told.items() if found is not None}
+    assert hopeless
+    assert not looked_at & set(hopeless)
+    for drone, later_s in hopeless.items():
+        alone = plan(newyork, replace(request, drone=drone), forecast=wind)
+        assert alone.outcome.mean_s >= chosen.outcome.mean_s + later_s - 30.0
+
+
+def iter_of(search, looks, looked_at):
+    """Look as a search does, and note its drone."""
+    looked_at.add(search.problem.drone.id)
+    yield from looks(search)
 
 
 def test_a_delivery_can_start_in_the_air(newyork, steady):

@@ -7,6 +7,7 @@ import pytest
 from worlds import best_time, make_request, make_wind, make_world
 
 from skyway.planner.baselines.ies import ExhaustiveSearch
+from skyway.planner.exact import exact
 from skyway.planner.exact.exact import ExactSearch
 from skyway.planner.explain import mean_bound_s
 from skyway.planner.parameters.exact import ExactParameters
@@ -72,6 +73,31 @@ def test_cut_off_at_any_time_its_bound_holds():
             assert itinerary is None or best >= found / (1.0 + search.gap) * (1.0 - 1e-9), seed
             told += itinerary is not None and not search.complete
     assert told
+
+
+@pytest.mark.parametrize("near", [{"near_tries": 1}, {"near_tries": 100}, {"first_labels": 1}])
+def test_a_first_answer_is_found_wherever_there_is_a_way(near):
+    parameters = replace(NEAR, exact=replace(NEAR.exact, **near))
+    for seed in range(6):
+        problem = city(seed, parameters=parameters)
+        _, best = best_time(ExactSearch(problem, SampledQueues(problem, 0)))
+        search = ExactSearch(problem, SampledQueues(problem, 0), time_limit_s=0.0)
+        _, found = best_time(search)
+        assert np.isfinite(found) == np.isfinite(best), seed
+        assert found >= best * (1.0 - 1e-9), seed
+
+
+def test_no_way_near_the_straight_way_costs_a_first_answer_few_searches(monkeypatch):
+    passes = []
+    run_forward = exact.run_forward
+    monkeypatch.setattr(exact, "run_forward", lambda *how, **more: passes.append(how) or run_forward(*how, **more))
+    counts = []
+    for tries in (2, 100):
+        passes.clear()
+        problem = city(1, parameters=replace(NEAR, exact=replace(NEAR.exact, near_stations=2, near_tries=tries)))
+        assert ExactSearch(problem, SampledQueues(problem, 0), time_limit_s=0.0).find() is not None
+        counts.append(len(passes))
+    assert counts[0] < counts[1]
 
 
 def test_queues_that_are_sampled_when_they_are_met_are_those_sampled_beforehand():
