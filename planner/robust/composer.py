@@ -6,6 +6,7 @@ These are that of the mean flight time at several margins (`planner.problem.mean
 from __future__ import annotations
 
 import math
+import time
 from functools import cached_property
 from itertools import product
 from typing import TYPE_CHECKING
@@ -36,19 +37,33 @@ COMPOSED_IN = 0
 deliveries used for evaluation."""
 
 
-class Composer:
-    """Composes routes for one problem, each once.
+class TimeLimit:
+    """The time of `time.perf_counter` from which a search ends with the first route."""
 
-    `errors` are those of the truth beyond the forecast. `is_late` tells whether the limit of time is reached.
+    def __init__(self, end_at: float) -> None:
+        self.was_reached = False
+        """Whether a search has noticed it."""
+        self._end_at = end_at
+
+    def is_reached(self) -> bool:
+        """Whether it is that late."""
+        self.was_reached = self.was_reached or time.perf_counter() >= self._end_at
+        return self.was_reached
+
+
+class Composer:
+    """Composes routes for one problem, each once, until the limit of time is reached.
+
+    `errors` are those of the truth beyond the forecast.
     """
 
-    def __init__(self, problem: Problem, errors: Errors, is_late: Callable[[], bool]) -> None:
+    def __init__(self, problem: Problem, errors: Errors, limit: TimeLimit) -> None:
         self.problem, self.errors = problem, errors
         self.parameters = problem.parameters.robust
         self.labels_expanded = 0
         """Labels expanded by the searches."""
         self._large = self.parameters.is_large(len(problem.network))
-        self._is_late = is_late
+        self._limit = limit
         self._composed: dict[tuple[object, ...], Itinerary | None] = {}
 
     def routes(self, allowed: NDArray[np.bool_], members: int) -> Iterator[Itinerary]:
@@ -93,7 +108,7 @@ class Composer:
         late = (0.0, self.parameters.closing_late_s) if p.closures else (0.0,)
         for weights, late_s in product((*p.request.objective.searched, *early), late):
             for margin in self._margins:
-                if self._is_late():
+                if self._limit.is_reached():
                     return
                 speeds = self._mean_speeds
                 labels = self.parameters.sparing_labels_large if self._large else self.parameters.sparing_labels

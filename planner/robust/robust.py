@@ -11,7 +11,6 @@ the last holding spot are omitted if another way exists: a hovering drone uses i
 from __future__ import annotations
 
 import math
-import time
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -21,7 +20,7 @@ from skyway.models.base.errors import NoRouteError
 from skyway.planner.lookahead.lookahead import Lookahead
 from skyway.planner.robust.candidate import Candidate
 from skyway.planner.robust.charge_policy import ChargePolicy, known_at
-from skyway.planner.robust.composer import Composer
+from skyway.planner.robust.composer import Composer, TimeLimit
 from skyway.planner.robust.free_capacity import blocking_probabilities
 from skyway.planner.robust.out_of_sample import PROMISING, OutOfSample, margin_for
 from skyway.planner.schedule.no_route import emptied_leg, no_route, runs_empty
@@ -90,14 +89,17 @@ class RobustSearch:
         self.parameters = problem.parameters.robust
         self.problem = problem.thinned(self.parameters.members)
         self.errors = self.problem.usual_errors if errors is None else errors
-        self.complete = True
-        """Whether the comparison is complete."""
-        self._end_at = end_at
+        self._limit = TimeLimit(end_at)
         self._large = self.parameters.is_large(len(problem.network))
         self._finalist_runs = self.parameters.finalist_runs_of(len(problem.network))
-        self._composer = Composer(self.problem, self.errors, self._late)
+        self._composer = Composer(self.problem, self.errors, self._limit)
         self._simulated = 0
         self._known: dict[tuple[object, ...], tuple[Candidate, NDArray[np.float64]]] = {}
+
+    @property
+    def complete(self) -> bool:
+        """Whether the comparison is complete."""
+        return not self._limit.was_reached
 
     @property
     def labels_expanded(self) -> int:
@@ -136,9 +138,9 @@ class RobustSearch:
     def _with_short_flights(self, candidates: list[Candidate]) -> list[Candidate]:
         """Try short flights if the best route has a long wait in some winds: the winds of the first comparison may not contain storms."""
         best = candidates[0]
-        if not self._is_compared(best) and not self._late():
+        if not self._is_compared(best) and not self._limit.is_reached():
             best = self._judged(best.policy.itinerary, self._finalist_runs, None, best)[0]
-        if self._late() or not self._waits_long(best.outcome, len(best.out_of_sample.weight)):
+        if self._limit.is_reached() or not self._waits_long(best.outcome, len(best.out_of_sample.weight)):
             return candidates
         short = {one.flights: one for one in self._of_short_flights()}
         for one in (best, *filter(self._is_compared, candidates[1:])):
@@ -184,7 +186,7 @@ class RobustSearch:
         best: Candidate | None = None
         for number, one in enumerate(candidates):
             if best is not None:
-                enough = self._late() or len(answers) == most
+                enough = self._limit.is_reached() or len(answers) == most
                 if enough or not self._is_compared(one) or one.order() >= best.order():
                     break
             try:
@@ -202,7 +204,7 @@ class RobustSearch:
 
         With a margin a route may take much longer; so others follow, see `_compare_better`.
         """
-        if len(candidates) == 1 or self._large or self._late():
+        if len(candidates) == 1 or self._large or self._limit.is_reached():
             return candidates
         first, others = candidates[: self.parameters.finalists], candidates[self.parameters.finalists :]
         bold = [one for one in others if one.unsafe and one.loss < first[0].loss][: self.parameters.bold_finalists]
@@ -217,7 +219,7 @@ class RobustSearch:
         """Order the compared candidates; compare others too, as long as one would be better than the best, without a margin."""
         compared, others = self._ranked(compared), list(others)
         while len(compared) < self.parameters.most_finalists and others and others[0].order() < compared[0].order():
-            if self._late():
+            if self._limit.is_reached():
                 break
             compared = self._ranked([*compared, self._compared(others.pop(0), margin)])
         return compared + others
@@ -225,12 +227,6 @@ class RobustSearch:
     def _compared(self, one: Candidate, margin: float) -> Candidate:
         """Return a candidate in the deliveries of the second comparison, with a margin."""
         return self._careful(self._judged(one.policy.itinerary, self._finalist_runs, None, one)[0], margin)
-
-    def _late(self) -> bool:
-        """Whether the time limit is reached."""
-        late = time.perf_counter() >= self._end_at
-        self.complete = self.complete and not late
-        return late
 
     def _careful(self, one: Candidate, margin: float) -> Candidate:
         """Return a candidate with a margin on its charges, or with its own one if that is less, or if it violates the reserve."""
@@ -248,7 +244,7 @@ class RobustSearch:
         A `NoRouteError`: calibrated, it never arrives, or its typical schedule runs out of charge.
         """
         runs = self.parameters.final_runs_of(len(self.problem.network))
-        runs = min(runs, self.parameters.hurried_runs) if self._late() else runs
+        runs = min(runs, self.parameters.hurried_runs) if self._limit.is_reached() else runs
         policy, out_of_sample = self._calibrated(candidates[0], runs)
         outcome = out_of_sample.outcome(self.problem, policy.itinerary)
         if outcome.p_arrive <= 0.0:
@@ -302,17 +298,17 @@ class RobustSearch:
         for allowed in (everywhere,) if few else (likely_free_at, everywhere):
             if without is not None:
                 allowed[without] = without in p.must_stop
-            if _flying(found) and (self._large or likely_free_at.all() or self._late()):
+            if _flying(found) and (self._large or likely_free_at.all() or self._limit.is_reached()):
                 break
             for itinerary in self._composer.routes(
                 allowed, members=0 if found or self._large else self.parameters.sampled_members
             ):
                 self._add(found, itinerary)
-                if _flying(found) and self._late():
+                if _flying(found) and self._limit.is_reached():
                     break
             for itinerary in self._composer.sparing(allowed):
                 self._add(found, itinerary)
-            if found and not (_flying(found) and self._late()):
+            if found and not (_flying(found) and self._limit.is_reached()):
                 best = min(found.values(), key=Candidate.order).outcome
                 if self._waits_long(best, self.parameters.screen_runs):
                     self._add_short_flights(found, allowed)

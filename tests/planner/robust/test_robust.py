@@ -1,6 +1,8 @@
 """The robust planner: charges decided by what is known at each stop, judged in worlds that it did not know."""
 
+import gc
 import math
+import weakref
 from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 
@@ -15,6 +17,7 @@ from skyway.models.composition.composition import State
 from skyway.models.drones.energy_belief import EXACT, EnergyBelief
 from skyway.models.queues.paths import no_queue, pack
 from skyway.models.wind.forecast import constant_wind
+from skyway.planner import plan as plan_module
 from skyway.planner.departure import plan_within
 from skyway.planner.evaluation.evaluate import (
     NO_ERRORS,
@@ -425,3 +428,24 @@ def test_a_route_that_was_tried_less_does_not_win_by_that(newyork):
     found = [plan(newyork, replace(request, seed=seed), forecast=forecast) for seed in range(3)]
     mean_s = [one.outcome.mean_s - one.problem.depart_s for one in found]
     assert max(mean_s) < 1.02 * min(mean_s)
+
+
+def test_a_plan_is_let_go_with_its_tables_as_soon_as_nobody_holds_it(newyork, monkeypatch):
+    """A table of speeds is 40 MB in a city of 2,000 stations, and the garbage collector may not come for twenty plans."""
+    searches = []
+
+    class Seen(plan_module.RobustSearch):
+        def __init__(self, *problem, **more):
+            super().__init__(*problem, **more)
+            searches.append(weakref.ref(self))
+
+    monkeypatch.setattr(plan_module, "RobustSearch", Seen)
+    request = Request(state=State(DEPART, "bellevue"), destination="jacobi", payload_kg=0.5)
+    gc.disable()
+    try:
+        result = plan(newyork, request, forecast=newyork.forecast(DEPART, HORIZON_H))
+        assert searches
+        assert result.composition.services
+        assert [one() for one in searches if one() is not None] == []
+    finally:
+        gc.enable()
