@@ -46,6 +46,24 @@ def test_logs_are_listed_and_fetched(run, autopilot, tmp_path):
         assert row["came_bytes"] == 0
 
 
+@pytest.mark.parametrize("as_json", [False, True])
+def test_a_log_that_fails_does_not_stop_the_others(run, as_json, tmp_path):
+    with served(tcp_port=0, autopilot="px4", logs=SIZES) as there:
+        assert run(there, "logs", "fetch", "1", "--to", tmp_path / "logs")[0] == 0
+        (first,) = (tmp_path / "logs").glob("vehicle1-*")
+        first.write_bytes(b"x" * SIZES[0])
+        words = ["--json"] if as_json else []
+        code, out, err = run(there, "logs", "fetch", "all", "--to", tmp_path / "logs", *words)
+        assert code == 2
+        assert "not fetched" in err.splitlines()[0]
+        assert "differs from the vehicle's log" in err.splitlines()[0]
+        assert "1 of 2 logs not fetched: " in err.splitlines()[-1]
+        assert first.read_bytes() == b"x" * SIZES[0]
+        (second,) = set((tmp_path / "logs").glob("vehicle1-*")) - {first}
+        assert second.read_bytes() == content(there, 1)
+        assert not as_json or [row["size_bytes"] for row in json.loads(out)["logs"]] == [SIZES[1]]
+
+
 def test_times_come_with_log_requests_and_wrong_words_are_told(run, tmp_path):
     with served(tcp_port=0, autopilot="ardupilot", logs=SIZES) as there:
         code, out, _ = run(there, "logs", "list", "--by", "requests", "--json")

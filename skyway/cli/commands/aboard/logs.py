@@ -13,7 +13,7 @@ import typer
 from skyway.cli import options
 from skyway.cli.connection_options import Link
 from skyway.cli.option_groups import with_groups
-from skyway.models.base.errors import InputError
+from skyway.models.base.errors import InputError, LinkError, SkywayError, one_line
 from skyway.models.base.formatting import bytes_text, date_clock, duration, percent, spent
 from skyway.models.base.json_text import json_text
 from skyway.models.base.units import from_posix, iso
@@ -113,7 +113,7 @@ def logs_fetch(
 ) -> None:
     """Download logs from a disarmed vehicle: the latest, or the named ones.
 
-    An interrupted download resumes where it stopped. The file gets its final name once its size, and its checksum if the
+    A log that fails does not stop the others. An interrupted download resumes where it stopped. The file gets its final name once its size, and its checksum if the
     vehicle reports one, match the vehicle's.
 
     Examples
@@ -127,19 +127,36 @@ def logs_fetch(
 
     folder = to or link.record
     rows = []
+    failed: dict[str, SkywayError] = {}
     with link.aboard() as vehicle:
         store = LogStore(vehicle, by)
-        for one in _chosen(_listed(store), wanted or ["latest"]):
+        chosen = _chosen(_listed(store), wanted or ["latest"])
+        for one in chosen:
             if not as_json:
                 typer.echo(f"{one.name}: {bytes_text(one.size_bytes)}")
             tell = _Progress(err=as_json)
-            found = fetch(store, one, folder, force=force, progress=tell)
+            try:
+                found = fetch(store, one, folder, force=force, progress=tell)
+            except (InputError, LinkError) as error:
+                if len(chosen) == 1 or not _is_of_this_log(error):
+                    raise
+                failed[one.name] = error
+                typer.echo(f"skyway: {one.name} not fetched: {one_line(str(error))}", err=True)
+                continue
             remember(found, vehicle.system)
             rows.append(_row(one, found))
             if not as_json:
                 _say(found)
     if as_json:
         typer.echo(json_text(LogsFetched(logs=rows)))
+    if failed:
+        worst = max(failed.values(), key=lambda error: error.exit_code)
+        raise type(worst)(f"{len(failed)} of {len(chosen)} logs not fetched: {', '.join(failed)}")
+
+
+def _is_of_this_log(error: SkywayError) -> bool:
+    """Whether others may succeed: its file is in the way, or its transfer failed; not if the vehicle refuses, or no longer answers."""
+    return isinstance(error, InputError) or type(error) is LinkError
 
 
 def _listed(store: LogStore) -> list[tuple[int, LogAboard]]:
