@@ -188,3 +188,19 @@ def test_a_changed_promise_tells_the_shares_that_its_reason_does_not_explain(des
     later = Answer(order="o1", status="served", drone="d1", fetched=START, delivered=START + timedelta(minutes=39))
     Promises(situation, said.append).answer(BEGIN_S, "o1", later, why, BEGIN_S + 60.0 * planned_min)
     assert said == [f"o1: {told}"]
+
+
+def test_of_too_many_orders_and_drones_those_that_matter_now_are_shown(desk, tmp_path, capsys):
+    put_service(desk, tmp_path)
+    for number in range(100):
+        due = START + timedelta(minutes=number)
+        order = Order(id=f"o{number}", ready=START, due=due, origin="bellevue", destination="jacobi", mass_kg=0.5)
+        record = OrderRecord(order=order, place="bellevue", delivered_s=due.timestamp() - 60.0 if number < 90 else None)
+        desk.put_down("order", order.id, "delivered" if number < 90 else "new", written(record))
+        drone = DroneRecord(vehicle=replace(D1, id=f"d{number}"), system=number, place="bellevue", soc=0.5, measured_s=BEGIN_S)  # fmt: skip
+        desk.put_down("drone", f"d{number}", "standing", written(drone))
+    lines = shown(tmp_path, capsys).splitlines()
+    orders = [line.split()[0] for line in lines if line.startswith("o") and line[1].isdigit()]
+    assert orders == [f"o{number}" for number in range(60, 100)]
+    assert "… and 60 more orders: --json has them all" in lines
+    assert "… and 60 more drones: --json has them all" in lines
