@@ -1,4 +1,4 @@
-"""Kernels of random numbers that are functions of a key and a counter: no state, any of them at any time, in any order.
+"""Kernels of random numbers: functions of a key and a counter, any of them at any time, in any order; and, for searches, of a state that is an array.
 
 SplitMix64 (Steele, Lea and Flood, "Fast splittable pseudorandom number generators", OOPSLA 2014) scrambles key + counter x `GOLDEN`. Normal
 deviates are quantiles: Wichura, "Algorithm AS 241: the percentage points of the normal distribution", Applied Statistics 37 (1988).
@@ -85,3 +85,16 @@ def _quantile(p: float) -> float:
             (0.012258202635 * r + 0.24197894225) * r + 1.0
         )
     return z if q > 0.0 else -z
+
+
+@compiled_lean
+def uniform(random: NDArray[np.uint64]) -> float:
+    """Return a number in [0, 1), the next one of a state."""
+    random[0] += GOLDEN
+    return float(mixed(random[0]) >> _S11) * 2.0**-53
+
+
+@compiled_lean
+def below(random: NDArray[np.uint64], count: int) -> int:
+    """Return one of 0 .. count - 1, by the next number of a state."""
+    return int(uniform(random) * count)

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from skyway.models.jit.compiled import compiled_lean
+from skyway.models.jit.random_kernels import below, uniform
 from skyway.planner.tours.label_kernels import SLACK
-from skyway.planner.tours.random_kernels import below, uniform
 from skyway.planner.tours.route_kernels import insert, insertion, node_at, recharge, relabel, take_out
 from skyway.planner.tours.ruin_kernels import mend
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from skyway.models.jit.compiled import compiled_lean
-from skyway.planner.tours.random_kernels import below, uniform
+from skyway.models.jit.random_kernels import below, uniform
 from skyway.planner.tours.route_kernels import node_at, recharge, relabel
 
 if TYPE_CHECKING:

@@ -11,9 +11,8 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from skyway.models.jit.compiled import compiled_lean
-from skyway.models.jit.random_kernels import GOLDEN, MIX_1, mixed
+from skyway.models.jit.random_kernels import GOLDEN, MIX_1, mixed, uniform
 from skyway.planner.tours.charger_kernels import lateness
-from skyway.planner.tours.random_kernels import uniform
 from skyway.planner.tours.recreate_kernels import recreate
 from skyway.planner.tours.route_kernels import GAIN
 from skyway.planner.tours.ruin_kernels import drop, ruin
