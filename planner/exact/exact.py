@@ -191,6 +191,8 @@ class ExactSearch(GuidedSearch):
         cells = cells_for(whole, start, step, come_by)
         hurry = self._time_limit_s < math.inf or (self._most_labels < math.inf and not whole.whole)
         for after in self.parameters.deadlines if whole.whole else self.parameters.near_deadlines:
+            if hurry and whole.whole and self._is_searched(after):
+                continue
             forward = run_forward(whole, costs, start, cells, needed, come_by, after=after)
             if math.isinf(forward.arrive_s):
                 break
@@ -208,9 +210,16 @@ class ExactSearch(GuidedSearch):
                     self._bounded = self._bound()
                 if self._time_is_left:
                     self._refine(part, guide, needed, min(deadline, self._better_s), at_once=True)
+            if whole.whole:
+                self._searched_s = deadline
             if self._answer is not None or deadline >= until_s or self._given_up:
                 return
         self._nothing_before(whole, until_s)
+
+    def _is_searched(self, after: float) -> bool:
+        """Whether a deadline that is a share after the lower bound was searched in vain, for arrivals until an earlier time."""
+        depart_s = self.problem.depart_s
+        return depart_s + (1.0 + after) * (self.lower_bound_s - depart_s) <= self._searched_s
 
     def _hurried(
         self,

@@ -105,6 +105,7 @@ class GuidedSearch:
         self._cut_off_s = cut_off_s
         self._end_at = math.inf
         self._near_bound_s = problem.depart_s  # nothing arrives earlier over the stations near the straight way
+        self._searched_s = -math.inf  # the last deadline up to which a first answer was looked for in the whole network
         self._answer: Itinerary | None = None
         self._bounded: tuple[Subnetwork, Forward] | None = None
 

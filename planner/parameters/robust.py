@@ -36,10 +36,22 @@ class RobustParameters(Parameters):
     )
     margins: tuple[float, ...] = parameter(
         (1.0, 0.25, 0.06),
-        "margins of each flight's energy that routes are composed with; large networks use the first",
+        "margins of each flight's energy that routes are composed with",
         0,
         3,
         measured="60 drawn requests: 55 min on average, 66 with 0.12 instead of 1; a city of 1,000 stations: 204 and 271 min (decision 138)",
+    )
+    dense_degree: float = parameter(
+        30.0, "segments that leave a station on average, from which on a large network is dense", 0, 10**6
+    )
+    waits_matter: float = parameter(
+        0.05,
+        "in dense networks routes are composed with the first margin alone if deliveries wait for pads for a smaller share of their time",
+        0,
+        1,
+    )
+    first_route_labels: int = parameter(
+        200, "label limit of the search for the first route at each of these margins on large networks", 1, 10**9
     )
     short_leg_margin: float = parameter(
         2.0,
@@ -151,6 +163,10 @@ class RobustParameters(Parameters):
     def is_large(self, stations: int) -> bool:
         """Whether a network of so many stations is large."""
         return stations > self.large_network
+
+    def is_dense(self, stations: int, segments: int) -> bool:
+        """Whether a network of so many stations and segments is dense."""
+        return self.is_large(stations) and segments >= self.dense_degree * stations
 
     def finalist_runs_of(self, stations: int) -> int:
         """Simulated deliveries of a route in the second comparison, in a network of so many stations."""

@@ -71,22 +71,23 @@ class Composer:
         p = self.problem
         speeds, queues = self._mean_speeds, self._expected_queues
         found = 0
+        most_labels = self.parameters.first_route_labels if self._large else math.inf
         for margin in self._margins:
-            itinerary = self._compose(speeds, queues, margin, allowed)
+            itinerary = self._compose(speeds, queues, margin, allowed, most_labels=most_labels, at_once=self._large)
             if itinerary is not None:
                 found += 1
                 yield itinerary
         if not found:  # there may be a route without any margin; and if so, perhaps with more than none
-            bare = self._compose(speeds, queues, 0.0, allowed)
+            bare = self._compose(speeds, queues, 0.0, allowed, at_once=self._large)
             if bare is None:
                 return
-            cautious = self._compose(speeds, queues, self._short_margin, allowed)
+            cautious = self._compose(speeds, queues, self._short_margin, allowed, at_once=self._large)
             yield from (one for one in (cautious, bare) if one is not None)
         for sample, member in enumerate(evenly(len(p.probability), members).tolist()):
             alone = np.zeros(len(p.probability))
             alone[member] = 1.0
             sampled = p.queue_paths(range(len(p.network)), sample, COMPOSED_IN)
-            itinerary = self._compose(self._speeds(alone), sampled, self._margins[0], allowed)
+            itinerary = self._compose(self._speeds(alone), sampled, self._margins[0], allowed, at_once=self._large)
             if itinerary is not None:
                 yield itinerary
 
@@ -121,9 +122,9 @@ class Composer:
     def _margins(self) -> tuple[float, ...]:
         """Margins of each flight's energy with which routes are composed: for the wind, and for the energy belief.
 
-        The first one is that before the first leg, the others those after it; on large networks the first alone.
+        The first one is that before the first leg, the others those after it.
         """
-        begin, *others = self.parameters.margins[: 1 if self._large else None]
+        begin, *others = self.parameters.margins
         first = self.errors.energy_of(self.problem.drone)
         then = first.learnt(first.mean_ratio, 1.0, soc_sd=0.0)
         epsilon = self.problem.epsilon
@@ -164,13 +165,14 @@ class Composer:
         allowed: NDArray[np.bool_],
         *,
         most_labels: float = math.inf,
+        at_once: bool = False,
     ) -> Itinerary | None:
-        """Compose the best route, or the best within a number of labels; without one, on large networks the first one found.
+        """Compose the best route within a number of labels, or the first one found: None if none is found within these.
 
         The first one keeps to labels with spare charge; the best has less for winds other than the mean. A composed
         route is stored: short flights are composed for several comparisons.
         """
-        key = speeds, margin, allowed.tobytes(), most_labels  # other queues belong to other speeds
+        key = speeds, margin, allowed.tobytes(), most_labels, at_once  # other queues belong to other speeds
         if key in self._composed:
             return self._composed[key]
 
@@ -181,7 +183,7 @@ class Composer:
                 speeds=speeds,
                 margin_soc_per_s=margin * part.soc_per_s,
                 stops=allowed,
-                time_limit_s=0.0 if self._large and most_labels == math.inf else math.inf,
+                time_limit_s=0.0 if at_once else math.inf,
                 most_labels=most_labels,
             )
             found = search.find()

@@ -19,7 +19,7 @@ from skyway.planner.schedule.audit import Realization
 from skyway.planner.schedule.gust_kernels import Disturbance, no_disturbance
 from skyway.planner.schedule.itinerary import fly_as_it_stands, place_nodes
 from skyway.planner.schedule.outcome import outcome
-from skyway.planner.schedule.schedule_kernels import ROOM, SOC_LANDING, SOC_TAKE_OFF, TAKE_OFF, TOUCH_DOWN
+from skyway.planner.schedule.schedule_kernels import PAD, ROOM, SOC_LANDING, SOC_TAKE_OFF, TAKE_OFF, TOUCH_DOWN
 from skyway.planner.schedule.typical import Runs, typical_schedule
 
 if TYPE_CHECKING:
@@ -167,6 +167,16 @@ class OutOfSample(Runs):
         """Whether runs that never leave wait for a place at the next station; most of them lack only charge."""
         held_s = self.schedule[:, :, ROOM][np.isinf(self.schedule[:, :, TAKE_OFF])]
         return bool((np.isfinite(held_s) & (held_s > 0.0)).any())
+
+    def waited_for_pads(self, depart_s: float) -> float:
+        """Return the share of the delivery time that deliveries wait for pads, from a departure on, POSIX seconds; 0 if none arrives."""
+        arrives = np.isfinite(self.schedule[:, -1, TOUCH_DOWN])
+        if not arrives.any():
+            return 0.0
+        flown, weight = self.schedule[arrives], self.weight[arrives]
+        at_stops_s = np.column_stack((np.full(len(flown), depart_s), flown[:, :-1, TOUCH_DOWN]))
+        waited_s = np.maximum(flown[:, :, PAD] - at_stops_s, 0.0).sum(axis=1)
+        return float(weight @ waited_s / (weight @ (flown[:, -1, TOUCH_DOWN] - depart_s)))
 
     @property
     def held_before_last(self) -> float:

@@ -91,6 +91,7 @@ class RobustSearch:
         self.errors = self.problem.usual_errors if errors is None else errors
         self._limit = TimeLimit(end_at)
         self._large = self.parameters.is_large(len(problem.network))
+        self._dense = self.parameters.is_dense(len(problem.network), len(problem.network.head))
         self._finalist_runs = self.parameters.finalist_runs_of(len(problem.network))
         self._composer = Composer(self.problem, self.errors, self._limit)
         self._simulated = 0
@@ -304,7 +305,7 @@ class RobustSearch:
                 allowed, members=0 if found or self._large else self.parameters.sampled_members
             ):
                 self._add(found, itinerary)
-                if _flying(found) and self._limit.is_reached():
+                if _flying(found) and (self._limit.is_reached() or (self._dense and not self._waits_for_pads(found))):
                     break
             for itinerary in self._composer.sparing(allowed):
                 self._add(found, itinerary)
@@ -319,6 +320,13 @@ class RobustSearch:
             first = next(iter(found.values()))
             raise first.policy.grounded(first.out_of_sample)
         return self._ranked(flying)
+
+    def _waits_for_pads(self, found: dict[tuple[tuple[int, ...], ...], Candidate]) -> bool:
+        """Whether deliveries wait for pads so long that routes with fewer stops, of longer flights, may be better."""
+        depart_s = self.problem.depart_s
+        return (
+            max(one.out_of_sample.waited_for_pads(depart_s) for one in found.values()) >= self.parameters.waits_matter
+        )
 
     def _ranked(self, candidates: list[Candidate]) -> list[Candidate]:
         """Order candidates, best first; those of the second comparison before the others, whose figures lack its margin."""

@@ -139,3 +139,29 @@ def test_robust_in_a_hurry_tells_how_good_its_answer_is_at_least():
     assert "cut off after 1e-06 s" in hurried.composition.notes[-1]
     _, best = best_time(ExactSearch(problem, SampledQueues(problem, 0)))
     assert 0.0 < mean_bound_s(hurried.problem) <= best
+
+
+@pytest.mark.parametrize(("dense_degree", "waits_matter", "margins"), [(0.0, 1.0, 1), (0.0, 0.0, 3), (1e6, 1.0, 3)])
+def test_in_dense_networks_without_waits_routes_of_short_flights_are_enough(
+    monkeypatch, dense_degree, waits_matter, margins
+):
+    tuned = replace(USUAL.robust, large_network=1, dense_degree=dense_degree, waits_matter=waits_matter)
+    problem = city(9, parameters=replace(USUAL, robust=tuned), stations=12, length_m=30_000.0)
+    composed = set()
+
+    class Counted(ExactSearch):
+        def __init__(self, problem, queues, *, margin_soc_per_s, time_limit_s, **more):
+            if time_limit_s == 0.0:  # a first route, none of short flights
+                composed.add(margin_soc_per_s)
+            super().__init__(problem, queues, margin_soc_per_s=margin_soc_per_s, time_limit_s=time_limit_s, **more)
+
+    monkeypatch.setattr(composer, "ExactSearch", Counted)
+    robust.RobustSearch(problem).candidates()
+    assert len(composed) == margins
+
+
+def test_in_a_large_network_there_is_a_route_however_few_labels_the_search_with_a_margin_has():
+    tuned = replace(USUAL.robust, large_network=1, first_route_labels=1, final_runs_large=200)
+    problem = city(2, parameters=replace(USUAL, robust=tuned))
+    result = plan(problem.scenario, problem.request, forecast=problem.ensemble, parameters=problem.parameters)
+    assert result.outcome.p_arrive > 0.5
