@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 SCHEMA = "skyway.benchmark-results/1"
 INTRODUCTION = """# Planners measured
 
-Written by `skyway bench planners`. All times in minutes, with 95 % intervals (block bootstrap over days) in brackets.
+Written by `skyway bench planners`. All times in minutes, with 95 % intervals over days in brackets; a dash is an end that the days do not tell.
 *Failures* are counted over all simulated deliveries of a planner. *Times* are compared over the first few runs of each
 delivery, those that every planner delivered (except `pfs-strict`, which is missing from the means where it has no plan).
 Clairvoyant planners know the hourly wind and the queues of these runs, but neither gusts nor

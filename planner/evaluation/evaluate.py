@@ -76,7 +76,7 @@ _ENDINGS = {"stranded": STRANDED, "unflyable": UNFLYABLE, "gave_up": GAVE_UP}
 
 @dataclass(frozen=True)
 class Evaluation:
-    """Figures of simulated deliveries with 95 % intervals (block bootstrap over days)."""
+    """Figures of simulated deliveries with 95 % intervals over days."""
 
     planner: str
     """Name of the planner."""
@@ -113,7 +113,9 @@ class Evaluation:
 
     def summary(self) -> str:
         """Figures for people, a line each; times in minutes, intervals in brackets."""
-        lines = [f"{self.planner}: {self.runs:,} simulated deliveries on {counted(self.days, 'day')}"]
+        delivered = self.counts["delivered"]
+        times_of = "" if delivered == self.runs else f", times of the {delivered:,} that arrived"
+        lines = [f"{self.planner}: {self.runs:,} simulated deliveries on {counted(self.days, 'day')}{times_of}"]
         minutes = {
             "delivery mean": self.mean_s,
             "delivery p50": self.p50_s,
@@ -122,7 +124,7 @@ class Evaluation:
             "waiting": self.wait_s,
             "recharge": self.recharge_s,
         }
-        lines += [f"  {name:<16} {value.scaled(1.0 / S_PER_MIN).text()} min" for name, value in minutes.items()]
+        lines += [f"  {name:<16} {value.scaled(1.0 / S_PER_MIN).text('z.1f')} min" for name, value in minutes.items()]
         for name in ("stranded", "below_reserve", "unflyable", "gave_up"):
             rate: Estimate = getattr(self, name)
             label = name.replace("_", " ")

@@ -1,4 +1,8 @@
-"""Figures with confidence intervals by block bootstrap over days: runs that share a day are not independent."""
+"""Figures with confidence intervals over days: runs that share a day are not independent.
+
+Means, ratios and rates: a block bootstrap, and with few days an interval of Student's t as well. Quantiles: Wilson's interval of the share of runs
+below, mapped back through the distribution, as in `planner.schedule.precision`; an end that the days do not tell is unknown.
+"""
 
 from __future__ import annotations
 
@@ -15,7 +19,8 @@ if TYPE_CHECKING:
 
 CONFIDENCE = 0.95
 USUAL = EvaluationParameters()
-_CELLS = 5_000_000  # weights held at a time
+FEW_DAYS = 8
+"""Resamples of fewer days than this hardly differ from each other: intervals are at least those of Student's t."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,7 +31,7 @@ class Estimate:
     """NaN where there is nothing to compute it from."""
     low: float = math.nan
     high: float = math.nan
-    """NaN where one day alone cannot tell."""
+    """NaN where the days cannot tell."""
 
     def scaled(self, factor: float) -> Estimate:
         """The figure in another unit."""
@@ -34,11 +39,8 @@ class Estimate:
 
     def text(self, form: str = ".1f") -> str:
         """``12.3 [11.9, 12.8]``; a dash for what is unknown."""
-        if math.isnan(self.value):
-            return "-"
-        if math.isnan(self.low):
-            return f"{self.value:{form}}"
-        return f"{self.value:{form}} [{self.low:{form}}, {self.high:{form}}]"
+        value, low, high = ("-" if math.isnan(one) else f"{one:{form}}" for one in (self.value, self.low, self.high))
+        return value if low == high == "-" else f"{value} [{low}, {high}]"
 
     def document(self) -> dict[str, float | None]:
         """For a JSON file; None is unknown."""
@@ -50,7 +52,9 @@ class DayBootstrap:
     """Resamples whole days; `block` is the day of each run, shape (runs,).
 
     Percentile intervals, expanded for few days: with n days the percentiles are those of t(n - 1) sqrt(n / (n - 1))
-    instead of the normal ones (Hesterberg 2015, "What teachers should know about the bootstrap"). A rate of 0 in all
+    instead of the normal ones (Hesterberg 2015, "What teachers should know about the bootstrap"). No resample is beyond the least and the
+    greatest of the days: of two days, an interval between them would hold the mean in half of the cases. So with fewer than `FEW_DAYS`
+    it is also at least t(n - 1) standard errors to each side. A rate of 0 in all
     days has the upper end 1 - 0.025 ** (1 / n): with a probability above it per day, n days without one event would be
     rarer than 2.5 %; a rate of 1 likewise.
     """
@@ -86,20 +90,31 @@ class DayBootstrap:
         return Estimate(found.value, max(found.low, 0.0), min(found.high, 1.0))
 
     def quantile(self, values: NDArray[np.float64], q: float) -> Estimate:
-        """Smallest value at or below which a share q of the runs lies; NaN runs are omitted."""
+        """Smallest value at or below which a share q of the runs lies; NaN runs are omitted.
+
+        The days tell as much about the share below it as some number of independent runs. An end of the interval is NaN
+        if the quantile may lie beyond all of so many runs.
+        """
         known = np.flatnonzero(np.isfinite(values))
         if not len(known):
             return Estimate(math.nan)
-        order = known[np.argsort(values[known], kind="stable")]
-        ascending, day = values[order], self.block[order]
-        found = np.empty(len(self.weight))
-        chunk = max(1, _CELLS // len(order))
-        for low in range(0, len(found), chunk):
-            share = np.cumsum(self.weight[low : low + chunk][:, day], axis=1)
-            at = np.argmax(share >= q * share[:, -1:] - 1e-9, axis=1)
-            found[low : low + chunk] = np.where(share[:, -1] > 0, ascending[at], np.nan)
-        value = ascending[min(max(math.ceil(q * len(order) - 1e-9) - 1, 0), len(order) - 1)]
-        return self._interval(float(value), found)
+        ascending = np.sort(values[known])
+        value = _at_share(ascending, q)
+        if len(self.days) < 2:
+            return Estimate(value)
+        runs = self._independent_runs(values[known] <= value, self.block[known], q)
+        low_share, high_share = _wilson(q, runs, _student(len(self.days)))
+        rare = (1.0 - CONFIDENCE) / 2.0
+        low = _at_share(ascending, low_share) if (1.0 - q) ** runs <= rare else math.nan
+        high = _at_share(ascending, high_share) if q**runs <= rare else math.nan
+        return Estimate(value, low, high)
+
+    def _independent_runs(self, below: NDArray[np.bool_], block: NDArray[np.int64], q: float) -> float:
+        """Number of independent runs that would tell a share q as well as these do; no more than there are."""
+        sums = np.bincount(block, weights=below - below.mean(), minlength=len(self.days))
+        days, runs = len(self.days), len(below)
+        variance = days / (days - 1) * float(sums @ sums) / runs**2
+        return min(q * (1.0 - q) / variance, runs) if variance > 0.0 else runs
 
     def mean_error(self, kept: NDArray[np.bool_], promised: NDArray[np.float64]) -> Estimate:
         """Mean over levels of the absolute difference between frequency and mean promise, both of shape (runs, levels)."""
@@ -120,18 +135,40 @@ class DayBootstrap:
         return np.bincount(self.block, weights=values, minlength=len(self.days)).astype(np.float64)
 
     def _interval(self, value: float, found: NDArray[np.float64]) -> Estimate:
-        found = found[np.isfinite(found)]
-        if len(self.days) < 2 or not len(found):
+        found, days = found[np.isfinite(found)], len(self.days)
+        if days < 2 or not len(found):
             return Estimate(value)
-        low, high = np.quantile(found, [self._tail, 1.0 - self._tail])
-        return Estimate(value, float(low), float(high))
+        low, high = np.quantile(found, [self._tail, 1.0 - self._tail]).tolist()
+        if days < FEW_DAYS:
+            half = _student(days) * float(found.std()) * math.sqrt(days / (days - 1))
+            least = 0.0 if found.min() >= 0.0 else -math.inf  # no mean of such values is below 0
+            low, high = min(low, max(value - half, least)), max(high, value + half)
+        return Estimate(value, low, high)
+
+
+def _at_share(ascending: NDArray[np.float64], share: float) -> float:
+    """Smallest of some values at or below which a share of them lies."""
+    return float(ascending[min(max(math.ceil(share * len(ascending) - 1e-9) - 1, 0), len(ascending) - 1)])
+
+
+def _wilson(share: float, runs: float, tail: float) -> tuple[float, float]:
+    """Wilson's interval of a share in so many independent runs."""
+    square = tail * tail / runs
+    half = tail * math.sqrt(share * (1.0 - share) / runs + square / (4.0 * runs))
+    return (share + square / 2.0 - half) / (1.0 + square), (share + square / 2.0 + half) / (1.0 + square)
+
+
+def _student(days: int) -> float:
+    """Standard errors from a mean of so many days to each end of its interval."""
+    from scipy.special import stdtrit
+
+    return float(stdtrit(days - 1, 0.5 + CONFIDENCE / 2.0))
 
 
 def _tail(days: int) -> float:
     """Share of resamples beyond each end of an interval."""
     if days < 2:
         return math.nan
-    from scipy.special import ndtr, stdtrit
+    from scipy.special import ndtr
 
-    half = (1.0 - CONFIDENCE) / 2.0
-    return float(ndtr(stdtrit(days - 1, half) * math.sqrt(days / (days - 1))))
+    return float(ndtr(-_student(days) * math.sqrt(days / (days - 1))))

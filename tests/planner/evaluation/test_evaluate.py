@@ -25,7 +25,7 @@ from skyway.planner.evaluation.evaluate import (
     season_days,
     summarise,
 )
-from skyway.planner.evaluation.flights import DELIVERED, GAVE_UP, Flown, schedules
+from skyway.planner.evaluation.flights import DELIVERED, GAVE_UP, STRANDED, Flown, schedules
 from skyway.planner.evaluation.parts import fly_parts
 from skyway.planner.evaluation.statistics import DayBootstrap, Estimate
 from skyway.planner.online.evaluated import RollingRobust
@@ -437,6 +437,43 @@ def test_intervals_over_days_hold_the_truth_about_as_often_as_they_say():
     assert naive < 100
 
 
+@pytest.mark.parametrize("days", [2, 3, 5])
+def test_intervals_over_few_days_hold_the_truth_about_as_often_as_they_say(days):
+    covered = 0
+    for seed in range(200):
+        rng = np.random.default_rng(seed)
+        block = np.repeat(np.arange(days), 20)
+        values = 100.0 + rng.normal(0.0, 1.0, days)[block] + rng.normal(0.0, 0.5, len(block))
+        found = DayBootstrap(block, replicates=300, seed=seed).mean(values)
+        covered += found.low <= 100.0 <= found.high
+    assert covered >= 180, "between the days alone it is a half of two, three quarters of three"
+    waits = DayBootstrap(np.arange(2)).mean(np.array([0.0, 600.0]))
+    assert (waits.value, waits.low) == (300.0, 0.0), "no mean wait is negative"
+
+
+@pytest.mark.parametrize(("days", "q"), [(12, 0.95), (25, 0.95), (12, 0.5)])
+def test_a_quantile_over_days_that_differ_is_within_its_interval_or_its_end_is_unknown(days, q):
+    missed = unknown = 0
+    truth = {0.5: 0.0, 0.95: 1.6449 * math.hypot(10.0, 3.0)}[q]
+    for seed in range(200):
+        rng = np.random.default_rng(seed)
+        block = np.repeat(np.arange(days), 30)
+        values = rng.normal(0.0, 10.0, days)[block] + rng.normal(0.0, 3.0, len(block))
+        found = DayBootstrap(block, replicates=2).quantile(values, q)
+        missed += truth < found.low or truth > found.high
+        unknown += math.isnan(found.high)
+    assert missed <= 24
+    assert unknown >= 150 if q > 0.5 else unknown == 0
+
+
+def test_the_latest_of_a_few_runs_is_not_the_end_of_what_can_come():
+    few = DayBootstrap(np.arange(5)).quantile(np.array([1.0, 2.0, 3.0, 4.0, 5.0]), 0.95)
+    assert (few.value, math.isnan(few.high)) == (5.0, True)
+    assert few.text().endswith(", -]")
+    many = DayBootstrap(np.arange(200)).quantile(np.arange(200.0), 0.95)
+    assert many.low < many.value == 189.0 < many.high <= 199.0
+
+
 def test_quantiles_and_rates_of_the_bootstrap_are_those_of_the_runs():
     rng = np.random.default_rng(2)
     block = np.repeat(np.arange(30), 10)
@@ -455,6 +492,7 @@ def test_an_estimate_tells_what_is_not_known():
     assert Estimate(math.nan).text() == "-"
     assert Estimate(1.0).text() == "1.0"
     assert Estimate(2.0, 1.0, 3.0).scaled(10.0).text(".0f") == "20 [10, 30]"
+    assert Estimate(2.0, 1.0).document() == {"value": 2.0, "low": 1.0, "high": None}
     assert Estimate(math.nan).document() == {"value": None, "low": None, "high": None}
 
 
@@ -463,6 +501,17 @@ def flown_at(times_s):
     times = np.asarray(times_s, dtype=np.float64)
     none = np.zeros(len(times), dtype=bool)
     return Flown(np.arange(len(times)), np.full(len(times), DELIVERED), none, times, times, times, times, times)
+
+
+def test_times_say_of_how_many_deliveries_they_are():
+    all_of_them = flown_at([600.0, 660.0, -1e-7])
+    assert "times of" not in summarise("p", all_of_them).summary()
+    some = replace(all_of_them, ending=np.array([DELIVERED, STRANDED, DELIVERED]))
+    assert (
+        summarise("p", some).summary().startswith("p: 3 simulated deliveries on 3 days, times of the 2 that arrived\n")
+    )
+    least = replace(all_of_them, wait_s=np.full(3, -1e-7))
+    assert "-0.0" not in summarise("p", least).summary()
 
 
 @pytest.mark.slow
