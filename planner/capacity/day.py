@@ -92,7 +92,7 @@ class DayDone:
     on_time: int
     """Delivered as promised."""
     stated: float
-    """Sum of the probabilities with which they were promised."""
+    """Sum of the probabilities with which they were promised; NaN if none are worked out."""
     waited_s: float
     """For pads, of all delivered orders."""
     delivery_s: float
@@ -142,7 +142,9 @@ def simulate(piece: Piece, load: Callable[[Path | None], Scenario]) -> DayDone:
     truth = DayTruth(work, met, model, study.parameters.dispatch.margin, draws(study.seed, piece.day, ENERGY))
     ready = {one.id: one.ready.timestamp() for one in work.orders}
     pads = {one.id: one.pads for one in work.scenario.network.stations if one.pads}
-    done = carry_out(routes, ready, pads, _others(work.scenario, study, piece.day), study.begin.timestamp(), truth, study.reserve)  # fmt: skip
+    horizon_s = _horizon_s(study, case)
+    others = _others(work.scenario, study, piece.day, horizon_s)
+    done = carry_out(routes, ready, pads, others, study.begin.timestamp(), truth, study.reserve, horizon_s)
     due = {one.id: one.due.timestamp() for one in work.orders}
     kept = {name for name, at in done.delivered_s.items() if at <= due[name] + 1e-6}
     return DayDone(
@@ -169,21 +171,31 @@ def _stated(
     work: Work, routes: Sequence[Route], promised: Sequence[str], forecast: WindEnsemble, study: Study
 ) -> float:
     """Sum of the probabilities with which orders are promised: the plan is flown in the winds of the forecast."""
-    if not study.parameters.dispatch.worlds or not promised:
+    if not study.parameters.dispatch.worlds:
         return math.nan
+    if not promised:
+        return 0.0
     done = fly_plan(work, routes, study.begin, forecast, study.parameters, reserve=study.reserve)
     due = {one.id: (number, one.due.timestamp()) for number, one in enumerate(work.orders)}
     numbers, due_s = zip(*(due[name] for name in promised), strict=True)
     return float((done.delivered_s[:, numbers] <= np.array(due_s) + 1e-6).mean(axis=0).sum())
 
 
-def _others(scenario: Scenario, study: Study, day: int) -> dict[str, list[tuple[float, float]]]:
+def _horizon_s(study: Study, case: Case) -> float:
+    """Time until which a day is simulated: whole hours, at least one after the last order is due."""
+    last_due_s = study.demand.hours * S_PER_H + case.promise_s
+    return max(HORIZON_S, S_PER_H * math.ceil(last_due_s / S_PER_H + 1.0))
+
+
+def _others(scenario: Scenario, study: Study, day: int, horizon_s: float) -> dict[str, list[tuple[float, float]]]:
     """Other drones of a day at each station, by the load of each hour."""
     stations, begin_s = scenario.network.stations, study.begin.timestamp()
-    hours = int((WARM_UP_S + HORIZON_S) / S_PER_H)
+    hours = int((WARM_UP_S + horizon_s) / S_PER_H)
     loads = [scenario.load.hourly(node, begin_s - WARM_UP_S, hours) for node in range(len(stations))]
     seed = int(draws(study.seed, day, STRANGERS).integers(2**31))
-    drawn = strangers(np.array([one[0] for one in loads]), np.array([one[1] for one in loads]), begin_s, seed)
+    drawn = strangers(
+        np.array([one[0] for one in loads]), np.array([one[1] for one in loads]), begin_s, seed, horizon_s
+    )
     return {one.id: drawn[node] for node, one in enumerate(stations) if one.pads}
 
 

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from skyway.planner.dispatch.result import Route, Step
 
 HORIZON_S = 12 * 3600.0
+"""Time from the beginning for which other drones come and ours wait for better wind, if no orders are due later."""
 WARM_UP_S = 48 * 3600.0
 """Other drones arrive from this time before on: at 0.7 of five pads a line forgets its beginning with a time constant of five hours."""
 SLACK_SOC = 1e-6
@@ -73,13 +74,13 @@ class _Drone:
         return next((one for one in self.route.steps[self.at :] if one.kind == "fly"), None)
 
 
-def strangers(arrivals_per_s: NDArray[np.float64], charging_s: NDArray[np.float64], begin_s: float, seed: int) -> list[list[tuple[float, float]]]:  # fmt: skip
-    """Draw other drones at each station: arrivals and charging times; from `WARM_UP_S` before on, so that pads are as busy as usual.
+def strangers(arrivals_per_s: NDArray[np.float64], charging_s: NDArray[np.float64], begin_s: float, seed: int, horizon_s: float = HORIZON_S) -> list[list[tuple[float, float]]]:  # fmt: skip
+    """Draw other drones at each station until a horizon: arrivals and charging times; from `WARM_UP_S` before on, so that pads are as busy as usual.
 
     The rates and mean times of the hours from then on have the shape (stations, hours); one hour stands for all.
     """
     rng = np.random.default_rng(seed)
-    hours = int((WARM_UP_S + HORIZON_S) / S_PER_H)
+    hours = int((WARM_UP_S + horizon_s) / S_PER_H)
     drawn = []
     for rates, means in zip(arrivals_per_s, charging_s, strict=True):
         count = rng.poisson(np.broadcast_to(rates, hours) * S_PER_H)
@@ -98,6 +99,7 @@ def carry_out(
     begin_s: float,
     truth: Truth | None = None,
     reserve: float = 0.0,
+    horizon_s: float = HORIZON_S,
 ) -> Outcome:
     """Let all drones fly their routes, in order of time; each charge waits for the first free pad.
 
@@ -139,7 +141,7 @@ def carry_out(
             if truth is not None:
                 length_s, takes = truth.flight(drone.route.drone, step, time_s)
             if short or not length_s < math.inf:
-                if time_s < begin_s + HORIZON_S:
+                if time_s < begin_s + horizon_s:
                     heapq.heappush(events, (time_s + AGAIN_S, whose, 0, 0.0))
                 continue
             time_s += length_s

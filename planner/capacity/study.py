@@ -12,9 +12,12 @@ from skyway.models.base.geodesy import coarse_distance_m
 from skyway.models.base.units import S_PER_MIN
 from skyway.planner.capacity.changes import Change
 from skyway.planner.capacity.day import Case, DayDone, Piece
+from skyway.planner.capacity.intervals import difference_half_width, ratio_error, share_interval
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
+
+    from numpy.typing import NDArray
 
     from skyway.models.network.network import Network
     from skyway.planner.capacity.day import Study
@@ -27,8 +30,6 @@ NEW_STATIONS = 8
 """Number of places tried for a station."""
 APART_M = 4000.0
 """Least distance from each other and from existing stations."""
-REPLICATES = 200
-SURE = 1.96
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -37,6 +38,16 @@ class CaseDone:
 
     case: Case
     days: tuple[DayDone, ...]
+    winds: int
+    """Number of days of the record, whose winds the days have one after another."""
+
+    @property
+    def wind(self) -> NDArray[np.int64]:
+        """Number of the wind of each day."""
+        return np.arange(len(self.days)) % self.winds
+
+    def _each(self, name: str) -> NDArray[np.float64]:
+        return np.array([getattr(one, name) for one in self.days], dtype=np.float64)
 
     def _sum(self, name: str) -> float:
         return math.fsum(getattr(one, name) for one in self.days)
@@ -53,12 +64,12 @@ class CaseDone:
     @property
     def served_sd(self) -> float:
         """Standard error of that share, by the differences between the days."""
-        orders = np.array([one.orders for one in self.days], dtype=np.float64)
-        on_time = np.array([one.on_time for one in self.days], dtype=np.float64)
-        if len(orders) < 2 or not orders.sum():
-            return math.nan
-        rest = on_time - self.served * orders
-        return float(np.sqrt(len(rest) / (len(rest) - 1) * (rest**2).sum()) / orders.sum())
+        return ratio_error(self._each("on_time"), self._each("orders"), self.wind)
+
+    @property
+    def served_between(self) -> tuple[float, float]:
+        """95 % interval of that share; NaN if the days do not tell it."""
+        return share_interval(self._each("on_time"), self._each("orders"), self.wind)
 
     @property
     def kept(self) -> float:
@@ -77,12 +88,12 @@ class CaseDone:
 
     @property
     def wait_min(self) -> float:
-        """Mean wait for pads of an order."""
+        """Mean wait of a delivered order for pads: of its drone on the way to it and with it."""
         return self._per("waited_s", "delivered") / S_PER_MIN
 
     @property
     def delivery_min(self) -> float:
-        """Mean time from ready to delivered."""
+        """Mean time of a delivered order from ready to delivered."""
         return self._per("delivery_s", "delivered") / S_PER_MIN
 
 
@@ -92,13 +103,16 @@ class Capacity:
 
     promise_s: float
     drones: int
+    orders: int
+    """Number of orders at all rates together."""
     rate_per_h: float
-    """Orders an hour up to which the level is reached; NaN if it is not reached even at the lowest rate."""
+    """Orders an hour up to which the level is reached; NaN if it is not reached even at the lowest rate, and without any orders."""
     low_per_h: float
+    """Rate at which the lower end of the interval of the share falls below the level; NaN if it is below at the lowest rate."""
     high_per_h: float
-    """95 % interval, by resampling of days."""
+    """The same of the upper end; infinite if it is not below at any rate."""
     beyond: bool
-    """The level is reached at the highest rate of the study, too: the capacity is that rate or more."""
+    """The level is reached at all rates of the study: the capacity is the highest one or more."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -109,11 +123,13 @@ class Effect:
     per_h: float
     """Orders an hour delivered as promised."""
     sd_per_h: float
+    half_per_h: float
+    """Half of the 95 % interval."""
 
     @property
     def sure(self) -> bool:
         """Whether it differs significantly from zero, considered alone."""
-        return abs(self.per_h) > SURE * self.sd_per_h
+        return abs(self.per_h) > self.half_per_h
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -130,6 +146,11 @@ class CapacityFound:
     effects: tuple[Effect, ...]
     """The most helpful first."""
     days_simulated: int
+
+    @property
+    def winds(self) -> int:
+        """Number of days of the record whose winds were simulated."""
+        return min(len(self.cases[0].days), self.cases[0].winds)
 
 
 def find_capacity(
@@ -148,7 +169,7 @@ def find_capacity(
     for promise in promises_s:
         for drones in fleets:
             own = [one for one in done if one.case.promise_s == promise and one.case.drones == drones]
-            capacities.append(_capacity(own, level, study.seed))
+            capacities.append(_capacity(own, level))
     base: CaseDone | None = None
     effects: tuple[Effect, ...] = ()
     more = 0
@@ -163,39 +184,38 @@ def _run(study: Study, cases: Sequence[Case], days: int, run: Run) -> list[CaseD
     pieces = [Piece(study=study, case=case, day=day) for case in cases for day in range(days)]
     found = run(pieces)
     return [
-        CaseDone(case=case, days=tuple(found[number * days : (number + 1) * days])) for number, case in enumerate(cases)
+        CaseDone(case=case, days=tuple(found[number * days : (number + 1) * days]), winds=len(study.days))
+        for number, case in enumerate(cases)
     ]
 
 
-def _capacity(cases: Sequence[CaseDone], level: float, seed: int) -> Capacity:
-    first = cases[0].case
-    rates = np.array([one.case.rate_per_h for one in cases])
-    orders = np.array([[day.orders for day in one.days] for one in cases], dtype=np.float64)
-    on_time = np.array([[day.on_time for day in one.days] for one in cases], dtype=np.float64)
-    found = _crossing(rates, on_time.sum(axis=1), orders.sum(axis=1), level)
-    random = np.random.default_rng(seed)
-    drawn = []
-    for _ in range(REPLICATES):
-        again = random.integers(orders.shape[1], size=orders.shape[1])
-        drawn.append(_crossing(rates, on_time[:, again].sum(axis=1), orders[:, again].sum(axis=1), level))
-    low, high = np.quantile(np.nan_to_num(drawn, nan=0.0), (0.025, 0.975))
-    share = on_time[-1].sum() / max(orders[-1].sum(), 1.0)
+def _capacity(cases: Sequence[CaseDone], level: float) -> Capacity:
+    """Find where the share falls below the level, and where the ends of its interval do; cases without orders tell nothing."""
+    first, told = cases[0].case, [one for one in cases if not math.isnan(one.served)]
+    rates, ends = [one.case.rate_per_h for one in told], [one.served_between for one in told]
+    rate = _crossing(rates, [one.served for one in told], level)
+    low = _crossing(rates, [0.0 if math.isnan(one) else one for one, _ in ends], level)
+    high = _crossing(rates, [1.0 if math.isnan(one) else one for _, one in ends], level)
     return Capacity(
-        promise_s=first.promise_s, drones=first.drones, rate_per_h=found, low_per_h=float(low), high_per_h=float(high), beyond=bool(share >= level)
-    )  # fmt: skip
+        promise_s=first.promise_s,
+        drones=first.drones,
+        orders=sum(day.orders for one in cases for day in one.days),
+        rate_per_h=rates[-1] if rates and rate == math.inf else rate if rates else math.nan,
+        low_per_h=min(low, rates[-1]) if rates else math.nan,
+        high_per_h=rates[0] if math.isnan(high) else high,
+        beyond=bool(rates) and rate == math.inf,
+    )
 
 
-def _crossing(rates: Any, on_time: Any, orders: Any, level: float) -> float:
-    """Rate at which the share falls below a level for the first time, linear between rates; NaN if it is below from the beginning."""
-    share = on_time / np.maximum(orders, 1.0)
-    below = np.flatnonzero(share < level)
-    if not len(below):
-        return float(rates[-1])
-    first = int(below[0])
+def _crossing(rates: Sequence[float], share: Sequence[float], level: float) -> float:
+    """Rate at which a share falls below a level for the first time, linear between rates; NaN if it is below from the beginning, infinite if it never is."""
+    first = next((number for number, one in enumerate(share) if one < level), None)
+    if first is None:
+        return math.inf
     if first == 0:
         return math.nan
     part = (share[first - 1] - level) / (share[first - 1] - share[first])
-    return float(rates[first - 1] + part * (rates[first] - rates[first - 1]))
+    return rates[first - 1] + part * (rates[first] - rates[first - 1])
 
 
 def _effects(
@@ -218,10 +238,14 @@ def _effects(
 
 
 def _effect(study: Study, base: CaseDone, other: CaseDone) -> Effect:
-    hours = study.demand.hours
-    more = np.array([a.on_time - b.on_time for a, b in zip(other.days, base.days, strict=True)]) / hours
-    sd = float(more.std(ddof=1) / math.sqrt(len(more))) if len(more) > 1 else math.nan
-    return Effect(change=other.case.change, per_h=math.fsum(more.tolist()) / len(more), sd_per_h=sd)
+    more = np.array([a.on_time - b.on_time for a, b in zip(other.days, base.days, strict=True)], dtype=np.float64)
+    hours = np.full(len(more), study.demand.hours)
+    return Effect(
+        change=other.case.change,
+        per_h=math.fsum(more.tolist()) / float(hours.sum()),
+        sd_per_h=ratio_error(more, hours, base.wind),
+        half_per_h=difference_half_width(more, hours, base.wind),
+    )
 
 
 def candidates(network: Network, days: Sequence[DayDone]) -> list[tuple[float, float]]:
@@ -264,13 +288,14 @@ def document_of(found: CapacityFound) -> dict[str, Any]:
         "schema": SCHEMA,
         "level": found.level,
         "days_simulated": found.days_simulated,
+        "winds": found.winds,
         "hours": found.study.demand.hours,
         "digest": found.study.digest,
         "cases": [_case(one) for one in found.cases],
         "capacities": [
             {
-                "promise_min": one.promise_s / S_PER_MIN, "drones": one.drones, "orders_per_h": _known(one.rate_per_h), "low_per_h": one.low_per_h,
-                "high_per_h": one.high_per_h, "or_more": one.beyond,
+                "promise_min": one.promise_s / S_PER_MIN, "drones": one.drones, "orders_per_h": _known(one.rate_per_h),
+                "low_per_h": _known(one.low_per_h), "high_per_h": _known(one.high_per_h), "or_more": one.beyond,
             }
             for one in found.capacities
         ],
@@ -279,6 +304,7 @@ def document_of(found: CapacityFound) -> dict[str, Any]:
             {
                 "change": str(one.change), "pads": list(one.change.pads), "stations": [list(new) for new in one.change.stations],
                 "drones": list(one.change.drones), "orders_per_h": one.per_h, "standard_error_per_h": _known(one.sd_per_h),
+                "half_width_per_h": _known(one.half_per_h),
             }
             for one in found.effects
         ],
@@ -286,13 +312,16 @@ def document_of(found: CapacityFound) -> dict[str, Any]:
 
 
 def _case(one: CaseDone) -> dict[str, Any]:
+    low, high = one.served_between
     return {
         "orders_per_h": one.case.rate_per_h, "promise_min": one.case.promise_s / S_PER_MIN, "drones": one.case.drones,
-        "served": _known(one.served), "served_standard_error": _known(one.served_sd), "promises_kept": _known(one.kept), "promises_stated": _known(one.stated),
+        "served": _known(one.served), "served_low": _known(low), "served_high": _known(high), "served_standard_error": _known(one.served_sd),
+        "promises_kept": _known(one.kept), "promises_stated": _known(one.stated),
         "below_reserve": _known(one.below), "wait_min": _known(one.wait_min), "delivery_min": _known(one.delivery_min),
-        "orders": sum(day.orders for day in one.days), "delivered": sum(day.delivered for day in one.days),
+        "orders": sum(day.orders for day in one.days), "promised": sum(day.promised for day in one.days),
+        "delivered": sum(day.delivered for day in one.days), "as_promised": sum(day.on_time for day in one.days),
     }  # fmt: skip
 
 
 def _known(value: float) -> float | None:
-    return None if math.isnan(value) else value
+    return value if math.isfinite(value) else None

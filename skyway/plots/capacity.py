@@ -42,7 +42,11 @@ def _rates(axes: Any, found: CapacityFound) -> None:
         style = STYLES[promises.index(capacity.promise_s) % len(STYLES)]
         label = f"{capacity.drones} drones, {duration(capacity.promise_s)}"
         shares = [100.0 * one.served for one in own]
-        bars = [0.0 if math.isnan(one.served_sd) else 196.0 * one.served_sd for one in own]
+        ends = [one.served_between for one in own]
+        bars = [
+            [0.0 if math.isnan(low) else share - 100.0 * low for share, (low, _) in zip(shares, ends, strict=True)],
+            [0.0 if math.isnan(high) else 100.0 * high - share for share, (_, high) in zip(shares, ends, strict=True)],
+        ]
         axes.errorbar(
             rates,
             shares,
@@ -70,7 +74,7 @@ def _effects(axes: Any, found: CapacityFound) -> None:
     shown = found.effects[:SHOWN]
     rows = range(len(shown))
     values = [one.per_h for one in shown]
-    bars = [0.0 if math.isnan(one.sd_per_h) else 1.96 * one.sd_per_h for one in shown]
+    bars = [0.0 if math.isnan(one.half_per_h) else one.half_per_h for one in shown]
     colours = [CALM if one.sure else MUTED for one in shown]
     axes.barh(
         rows,

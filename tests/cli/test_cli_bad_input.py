@@ -183,6 +183,11 @@ def test_a_level_that_no_or_every_network_reaches_is_refused_before_a_day_is_sim
     assert f"--level: out of range (got '{float(level)}'); percent, above 0 and below 100" in told
 
 
+def test_a_part_of_a_drone_is_refused(refused):
+    told = refused("study", "capacity", "--drones", "20.7,20.2")
+    assert "--drones: are not such numbers (got '20.7,20.2'); whole numbers from 1 to 10000" in told
+
+
 def test_wind_and_forecast_exclude_each_other(refused):
     assert "--wind and --forecast exclude each other" in refused("plan", *HOP, "--wind", "8@270", "--forecast", "x.csv")
 

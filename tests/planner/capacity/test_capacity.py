@@ -18,6 +18,7 @@ from skyway.models.orders.files import order_of
 from skyway.planner.capacity.changes import PADS_OF_NEW, Change, changed
 from skyway.planner.capacity.day import Case, DayDone, Piece, Study, simulate
 from skyway.planner.capacity.demand import Demand, drones_of, orders_of, pattern_of
+from skyway.planner.capacity.execution import carry_out
 from skyway.planner.capacity.study import APART_M, candidates, document_of, find_capacity
 from skyway.scenarios import load_scenario
 
@@ -112,7 +113,10 @@ def test_the_capacity_is_where_the_share_falls_below_the_level(scenario, study):
 
     found = find(lambda rate: 1.0 - 0.005 * rate, network=scenario.network)
     assert found.capacities[0].rate_per_h == pytest.approx(20.0)
-    assert (found.capacities[0].low_per_h, found.capacities[0].high_per_h) == pytest.approx((20.0, 20.0))
+    assert found.capacities[0].low_per_h == pytest.approx(10.0 + 10.0 * (0.9196 - 0.9) / (0.9196 - 0.8608), abs=0.1), (
+        "Wilson: of 300 orders"
+    )
+    assert 20.0 < found.capacities[0].high_per_h < 40.0
     assert found.base.case.rate_per_h == 20
     assert str(found.effects[0].change) == "a pad more at jacobi"
     assert found.effects[0].per_h == pytest.approx(7.0)
@@ -126,15 +130,109 @@ def test_the_capacity_is_where_the_share_falls_below_the_level(scenario, study):
 
 
 def test_a_capacity_beyond_the_highest_rate_has_no_upper_end(study, capsys):
-    def told(share):
-        found = find_capacity(study, [10, 40], [3600.0], [1], days=3, level=0.9, network=None, run=fake(share))
+    def told(share, days=300):
+        found = find_capacity(study, [10, 40], [3600.0], [1], days=days, level=0.9, network=None, run=fake(share))
         print_capacity(found, 1.0)
         return " ".join(capsys.readouterr().out.split())  # of terminals of any width
 
-    assert "1 drone, due 1 h after they are ready: 40.0 orders an hour or more (95 %: at least 40.0)." in told(
-        lambda rate: 0.95
+    whose = "1 drone, due 1 h after they are ready, 1 h of orders a day:"
+    assert f"{whose} 40.0 orders an hour or more (95 %: at least 40.0)." in told(lambda rate: 0.95)
+    assert "20.0 orders an hour (95 %: 19.4 to 20.6)." in told(lambda rate: 1.0 - 0.005 * rate)
+    few = told(lambda rate: 1.0 - 0.005 * rate, days=3)
+    assert "20.0 orders an hour (95 %: 13.4 to 26.3). 6 days of 1 h simulated in the wind of 3 days" in few
+    assert "90 % as promised is not reached even at the lowest rate (95 %: at most 10.0)." in told(lambda rate: 0.5)
+    assert "(95 %: too few days to tell)." in told(lambda rate: 0.92, days=2)
+
+
+def scattered(shares):
+    """A run whose days of 50 orders have other shares on time, one after another."""
+    return lambda pieces: [day_done(50, round(50 * shares[one.day % len(shares)])) for one in pieces]
+
+
+def test_shares_of_a_few_days_are_as_unsure_as_so_few_days_are(study):
+    def served(shares, days):
+        run = scattered(shares)
+        return find_capacity(study, [10], [3600.0], [1], days=days, level=0.9, network=None, run=run).cases[0]
+
+    two = served([0.8, 0.9], 2)
+    assert two.served == pytest.approx(0.85)
+    assert two.served_between == (pytest.approx(0.85 - 12.7062 * 0.05, abs=1e-5), 1.0), "Student's t of two days"
+    alike = served([0.8], 2)
+    assert alike.served_sd == 0.0
+    assert alike.served_between == pytest.approx((0.7112, 0.8666), abs=1e-4), "Wilson's interval of 80 of 100"
+    assert served([1.0], 2).served_between == (pytest.approx(0.963, abs=1e-3), 1.0)
+
+
+def test_days_with_the_same_wind_count_as_one(study):
+    few, many = (
+        find_capacity(study, [10], [3600.0], [1], days=days, level=0.9, network=None, run=scattered([0.2, 0.5, 0.9]))
+        for days in (3, 300)
     )
-    assert "20.0 orders an hour (95 %: 20.0 to 20.0)." in told(lambda rate: 1.0 - 0.005 * rate)
+    assert (few.winds, many.winds) == (3, 3) == (len(DAYS), len(DAYS))
+    assert many.cases[0].served_between == pytest.approx(few.cases[0].served_between)
+    assert document_of(many)["winds"] == 3
+    alone = replace(study, days=DAYS[:1])
+    one = find_capacity(alone, [10], [3600.0], [1], days=9, level=0.9, network=None, run=scattered([0.2, 0.95]))
+    assert np.isnan(one.cases[0].served_between).all()
+    assert document_of(one)["cases"][0]["served_low"] is None
+
+
+def test_a_gain_that_two_days_agree_on_by_chance_is_not_sure(scenario, study):
+    def run(pieces):
+        return [day_done(20, 10 + (one.case.change.pads == ("jacobi",))) for one in pieces]
+
+    def best(days):
+        many = replace(study, days=tuple(date.fromordinal(DAYS[0].toordinal() + one) for one in range(days)))
+        return find_capacity(
+            many, [10], [3600.0], [1], days=days, level=0.4, network=scenario.network, run=run
+        ).effects[0]
+
+    assert (best(2).per_h, best(2).sd_per_h, best(2).sure) == (1.0, 0.0, False)
+    assert best(2).half_per_h == pytest.approx(12.706 / 2.0, rel=1e-3)
+    assert best(20).sure
+
+
+def test_a_capacity_is_the_first_rate_below_the_level_also_if_a_later_one_is_above(study):
+    share = {10: 0.95, 20: 0.85, 40: 0.95}
+    found = find_capacity(study, [10, 20, 40], [3600.0], [1], days=3, level=0.9, network=None, run=fake(share.get))
+    assert found.capacities[0].rate_per_h == pytest.approx(15.0)
+    assert not found.capacities[0].beyond
+
+
+def test_days_without_orders_tell_nothing_of_a_capacity(study, capsys):
+    def none(pieces):
+        return [day_done(0, 0) if one.case.rate_per_h < 20 else day_done(100, 95) for one in pieces]
+
+    found = find_capacity(study, [10, 20], [3600.0], [1], days=3, level=0.9, network=None, run=none)
+    assert (found.capacities[0].rate_per_h, found.capacities[0].beyond) == (20.0, True)
+    nobody = find_capacity(study, [10], [3600.0], [1], days=3, level=0.9, network=None, run=none)
+    assert np.isnan(nobody.capacities[0].rate_per_h)
+    print_capacity(nobody, 1.0)
+    assert "no orders came on these days" in " ".join(capsys.readouterr().out.split())
+    case = document_of(nobody)["cases"][0]
+    assert (case["orders"], case["served"], case["served_low"]) == (0, None, None)
+
+
+def test_other_drones_come_until_the_last_order_is_due(study, monkeypatch):
+    came = []
+
+    def seen(routes, ready_s, pads, others, begin_s, *more):
+        came.append(max(at_s for one in others.values() for at_s, _ in one) - begin_s)
+        return carry_out(routes, ready_s, pads, others, begin_s, *more)
+
+    monkeypatch.setattr("skyway.planner.capacity.day.carry_out", seen)
+    long = replace(study, demand=Demand(most_per_h=2.0, hours=12.0))
+    for promise_h in (1.5, 6.0):
+        case = Case(rate_per_h=2.0, promise_s=3600.0 * promise_h, drones=20)
+        simulate(Piece(study=long, case=case, day=1), load_scenario)
+    assert came[0] == pytest.approx(15 * 3600.0, abs=600.0)
+    assert came[1] == pytest.approx(19 * 3600.0, abs=600.0)
+
+
+def test_a_day_without_promises_leaves_those_of_other_days_stated(study):
+    piece = Piece(study=study, case=Case(rate_per_h=30.0, promise_s=60.0, drones=20), day=1)
+    nobody = simulate(piece, load_scenario)
+    assert (nobody.promised, nobody.stated) == (0, 0.0)
 
 
 @settings(max_examples=25)
@@ -151,7 +249,7 @@ def test_whatever_the_shares_the_capacity_is_between_its_neighbours(shares, leve
         return
     first = next((number for number, share in enumerate(counted) if share < level), len(rates))
     assert rates[first - 1] <= one.rate_per_h <= rates[min(first, len(rates) - 1)]
-    assert one.beyond == (counted[-1] >= level)
+    assert one.beyond == all(share >= level for share in counted)
 
 
 def test_stations_are_tried_where_orders_were_missed_and_apart(scenario):

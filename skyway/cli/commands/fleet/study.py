@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import time
 from datetime import date
 from functools import partial
@@ -53,8 +52,9 @@ def capacity(
 ) -> None:
     """Find how many orders per hour a network can serve, by promised time and fleet size, and which addition helps most.
 
-    Each simulated day has orders, drones, other drones at the pads, and the wind of a day of the record that is held out of its forecast. Days are spread over
-    processes, or a Dask cluster; their number does not change the figures.
+    Each simulated day has orders, drones, other drones at the pads, and the wind of a day of the record that is held out of its forecast. All orders of a day are
+    known when it is planned, and drones begin it with 50 to 100 % of charge: with more --hours a network carries fewer orders per hour. Days are spread over
+    processes, or a Dask cluster; the number of processes does not change the figures.
 
     Examples
     --------
@@ -79,7 +79,7 @@ def capacity(
         check_format(picture, "--plot")
     tried = numbers(rates, "--rates", 0.1, 100_000.0)
     promises_s = [60.0 * one for one in numbers(promise, "--promise", 1.0, 24 * 60.0)]
-    fleets = [int(one) for one in numbers(drones, "--drones", 1.0, 10_000.0)]
+    fleets = [int(one) for one in numbers(drones, "--drones", 1.0, 10_000.0, whole=True)]
     if not 0.0 < level < 100.0:
         raise InputError("out of range", field="--level", value=level, remedy="percent, above 0 and below 100")
     wanted = typed_values.percent(level, "--level")
@@ -121,14 +121,14 @@ def capacity(
         print_capacity(found, time.monotonic() - begun)
 
 
-def numbers(text: str, option: str, low: float, high: float) -> list[float]:
+def numbers(text: str, option: str, low: float, high: float, *, whole: bool = False) -> list[float]:
     """Return numbers as typed, separated by commas, in order."""
     try:
         found = sorted({float(one) for one in text.split(",")})
     except ValueError:
         found = []
-    if not found or not all(math.isfinite(one) and low <= one <= high for one in found):
-        remedy = f"numbers from {low:g} to {high:g}, separated by commas"
+    if not found or not all(low <= one <= high and not (whole and one % 1.0) for one in found):
+        remedy = f"{'whole ' if whole else ''}numbers from {low:g} to {high:g}, separated by commas"
         raise InputError("are not such numbers", field=option, value=text, remedy=remedy)
     return found
 
