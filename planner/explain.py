@@ -254,7 +254,7 @@ class RobustGain:
     other: PlanResult
     """Both plans."""
     sooner: Figure
-    """How much earlier the robust plan arrives on average, s, in the realizations in which both were simulated;
+    """How much earlier the robust plan arrives on average, s, in the simulated deliveries that arrive with both;
     negative: later."""
 
 

@@ -24,7 +24,9 @@ class ArrivalDistribution:
     delivery_p95: Figure | None = None
     """The same as delivery times, s, with their uncertainty; None if nothing was sampled."""
     runs: int | None = None
-    """Simulated deliveries behind them."""
+    """Simulated deliveries behind them: those in which the package arrives."""
+    p_arrive: float | None = None
+    """Probability that it arrives: in the others no later hour of the forecast lets the drone leave some place."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -126,6 +126,7 @@ class Arrival(msgspec.Struct, rename={f"delivery_{name}": f"delivery_{name}_s" f
     delivery_p50: Figure | None = None
     delivery_p95: Figure | None = None
     runs: int | None = None
+    p_arrive: _Fraction | None = None
 
 
 class Condition(msgspec.Struct, kw_only=True):

@@ -209,12 +209,13 @@ class OutOfSample(Runs):
 
     @property
     def charge_used(self) -> float:
-        """Return the mean total charge of the flights of a run, as SoC."""
+        """Return the mean total charge of the flights of a run that arrives, as SoC; of any run if none does."""
         flown = np.isfinite(self.schedule[:, :, TOUCH_DOWN])
         used = np.where(flown, self.schedule[:, :, SOC_TAKE_OFF], 0.0) - np.where(
             flown, self.schedule[:, :, SOC_LANDING], 0.0
         )
-        return float(self.weight @ used.sum(axis=1))
+        arrived = np.where(flown[:, -1], self.weight, 0.0)
+        return float(np.average(used.sum(axis=1), weights=arrived if arrived.any() else self.weight))
 
     def outcome(self, problem: Problem, itinerary: Itinerary | None = None) -> Outcome:
         """Return the outcome over the runs; with energy and cost, given the itinerary."""

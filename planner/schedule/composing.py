@@ -134,7 +134,7 @@ def _distribution(result: Outcome) -> ArrivalDistribution:
     mean, middle, late = (_instant(result.start_s + figure.value) for figure in figures)
     if result.crossed is None:
         return ArrivalDistribution(mean, middle, late)
-    return ArrivalDistribution(mean, middle, late, *figures, runs=len(result.weight))
+    return ArrivalDistribution(mean, middle, late, *figures, runs=len(result.weight), p_arrive=result.p_arrive)
 
 
 def _instant(posix_s: float) -> datetime:

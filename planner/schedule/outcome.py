@@ -175,14 +175,28 @@ def full_costs_s(problem: Problem) -> float:
 
 
 def later(one: Outcome, other: Outcome) -> Figure:
-    """Mean difference in arrival from another route, s; paired by delivery if both were flown in the same ones."""
+    """Mean difference in arrival from another route, s; of the deliveries that arrive on both, and paired, if both were flown in the same ones."""
     if one.crossed is None or other.crossed is None or not len(one.weight) or not len(other.weight):
         return certain(one.mean_s - other.mean_s)
-    same = one.crossed.day.shape == other.crossed.day.shape
-    if same and (one.crossed.day == other.crossed.day).all() and (one.crossed.queue == other.crossed.queue).all():
-        found = one.crossed.difference(one.arrival_s, other.arrival_s)
-        off = one.mean_s - other.mean_s - found.value  # their deliveries may have other weights
+    mine, theirs = _same_runs(one.crossed, other.crossed)
+    if len(mine):
+        found = one.crossed.of(mine).difference(one.arrival_s[mine], other.arrival_s[theirs])
+        off = float(np.average(one.arrival_s[mine], weights=one.weight[mine])) - found.value
+        off -= float(np.average(other.arrival_s[theirs], weights=other.weight[theirs]))  # they may have other weights
         return replace(found, value=found.value + off, low=found.low + off, high=found.high + off)
     a, b = one.delivery, other.delivery
     value, error = one.mean_s - other.mean_s, math.hypot(a.error, b.error)
     return Figure(value, value - 2.0 * error, value + 2.0 * error, error, math.hypot(a.seed_error, b.seed_error))
+
+
+def _same_runs(one: Crossed, other: Crossed) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Numbers of the runs that two outcomes have in common, by day and queue; none if most are others."""
+    most = 1 + max(int(one.queue.max()), int(other.queue.max()))
+    keys, others = (found.day * most + found.queue for found in (one, other))
+    if np.array_equal(keys, others):
+        every = np.arange(len(keys))
+        return every, every
+    _, mine, theirs = np.intersect1d(keys, others, return_indices=True)
+    alone = len(np.unique(keys)) == len(keys) and len(np.unique(others)) == len(others)
+    few = 2 * len(mine) <= max(len(keys), len(others))
+    return (mine, theirs) if alone and not few else (mine[:0], theirs[:0])

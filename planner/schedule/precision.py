@@ -44,6 +44,16 @@ class Crossed:
     control: NDArray[np.float64] = field(default_factory=lambda: np.zeros((0, 0)))
     """Shape (runs, any). The variables on which the weights were calibrated, less their mean on each day: the part of a value that is linear in them is the same for all seeds."""
 
+    def of(self, runs: NDArray[np.int64]) -> Crossed:
+        """Some of the runs."""
+        return Crossed(
+            self.weight[runs],
+            self.day[runs],
+            self.queue[runs],
+            self.rare_s,
+            self.control[runs] if len(self.control) else self.control,
+        )
+
     def mean(self, values: NDArray[np.float64]) -> Figure:
         """Weighted mean of positive values; its interval is symmetric in the logarithm, which suits long tails."""
         share = self.weight / self.weight.sum()

@@ -99,7 +99,7 @@ def test_json_of_a_plan_has_every_field_and_adds_up(plan_json, request_):
     assert plan["schema"] == "skyway.composition/1"
     assert set(plan["scenario"]) == {"path", "sha256"}
     assert set(plan["arrival"]) == {
-        "mean", "p50", "p95", "delivery_mean_s", "delivery_p50_s", "delivery_p95_s", "runs",
+        "mean", "p50", "p95", "delivery_mean_s", "delivery_p50_s", "delivery_p95_s", "runs", "p_arrive",
     }  # fmt: skip
     for leg in plan["legs"]:
         fits(leg, LEG)
@@ -361,10 +361,27 @@ def test_a_comparison_says_what_its_columns_are_of(skyway):
     drawn = " ".join(skyway("compare", *request, "--planners", "pfs,exact").out.split())  # of terminals of any width
     plans = json.loads(skyway("compare", *request, "--planners", "pfs,exact", "--json").out)["plans"]
     runs = plans[0]["composition"]["arrival"]["runs"]
-    assert f"{runs:,} simulated deliveries, the same for all planners. ±: 95 % confidence interval" in drawn
+    assert (
+        f"{runs:,} simulated deliveries in the wind of 30 days of the record, the same for all planners. ±: 95 % confidence interval"
+        in drawn
+    )
     assert '"flight" to "km": typical schedule' in drawn
     told = skyway("compare", *request, "--planners", "exact").out
     assert "simulated deliveries" not in told
+
+
+def test_deliveries_that_do_not_arrive_are_told_wherever_figures_leave_them_out(skyway, plan_json):
+    least = ("--from", "bellevue", *TRIP[2:], "--drone", "m200", "--objective", "energy")
+    plan = plan_json(*least)
+    never = 1.0 - plan["arrival"]["p_arrive"]
+    assert never > 0.001, "the plan of this request waits for days without strong wind"
+    table = skyway("compare", *least, "--planners", "robust,pfs").out
+    told = f"robust: in {100.0 * never:.1f} % of the deliveries the drone stays at a stop until the end of the forecast"
+    assert told in " ".join(table.split())
+    words = " ".join(skyway("plan", *least).out.split())
+    energy = f"{plan['energy']['mean_wh']['value']:.0f} Wh"
+    assert f"Energy flown: {energy} on average" in words
+    assert f"({energy} on average), lowest charge" in words, "of the same deliveries"
 
 
 def test_a_comparison_without_any_answer_says_why_for_each_and_ends_with_1(skyway):

@@ -13,13 +13,16 @@ from skyway.models.base.formatting import (
     later_text,
     minutes,
     money,
+    probability,
     promised,
     share,
     spent,
     watt_hours,
 )
 from skyway.models.base.units import J_PER_WH
+from skyway.models.base.views import counted
 from skyway.models.composition.file import to_json
+from skyway.planner.uncertainties import record_days
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -98,12 +101,7 @@ def print_comparison(report: ComparisonReport) -> None:
     if sheet.rows:
         sheet.show()
         say("")
-        runs = sorted({c.arrival.runs for c in found if c.arrival.runs})
-        if runs:
-            count = " or ".join(f"{one:,}" for one in runs)
-            say(
-                f'Columns "on average" to "reserve kept": {count} simulated deliveries, the same for all planners. ±: 95 % confidence interval'
-            )
+        _print_columns(report)
         say('Columns "flight" to "km": typical schedule')
         clairvoyant = [one.planner for one in report.answers if one.result and one.planner in CLAIRVOYANT_PLANNERS]
         for name in clairvoyant:
@@ -117,6 +115,30 @@ def print_comparison(report: ComparisonReport) -> None:
             say(f"{answer.planner}: {answer.error}")
         elif answer.result is not None:
             say(f"{answer.planner}: {' > '.join(answer.result.composition.route)}")
+
+
+def _print_columns(report: ComparisonReport) -> None:
+    """Describe the simulated deliveries behind the figures, and for which planners some of them do not arrive."""
+    found = [one.result for one in report.answers if one.result is not None and one.result.composition.arrival.runs]
+    if not found:
+        return
+    runs = max(one.composition.arrival.runs or 0 for one in found)
+    members = len(found[0].problem.probability)
+    kind = "day" if record_days(found[0].problem.ensemble) else "member"
+    winds = (
+        "one wind"
+        if members == 1
+        else f"the wind of {counted(members, kind)}" + (" of the record" if kind == "day" else " of the forecast")
+    )
+    say(
+        f'Columns "on average" to "reserve kept": {runs:,} simulated deliveries in {winds}, the same for all planners. ±: 95 % confidence interval'
+    )
+    for one in found:
+        never = 1.0 - one.outcome.p_arrive
+        if never > 1e-9:
+            say(
+                f"{one.composition.planner}: in {probability(never, 1)} of the deliveries the drone stays at a stop until the end of the forecast; its figures are of the others"
+            )
 
 
 def _quantiles(outcome: Outcome) -> list[Figure]:

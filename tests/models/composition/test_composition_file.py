@@ -136,7 +136,7 @@ def one_flight(**changes) -> Composition:
     return replace(composition, **changes)
 
 
-ARRIVAL = {"mean", "p50", "p95", "delivery_mean_s", "delivery_p50_s", "delivery_p95_s", "runs"}
+ARRIVAL = {"mean", "p50", "p95", "delivery_mean_s", "delivery_p50_s", "delivery_p95_s", "runs", "p_arrive"}
 
 
 def test_the_file_has_every_field_promised():

@@ -18,6 +18,7 @@ from skyway.planner.plan import plan
 from skyway.planner.problem.error_model import USUAL_ERRORS
 from skyway.planner.problem.problem import HORIZON_H
 from skyway.planner.problem.request import Request
+from skyway.planner.schedule.outcome import Outcome, later
 from skyway.planner.schedule.precision import Crossed
 
 DEPART = datetime(2013, 7, 10, 18, 0, tzinfo=UTC)
@@ -140,6 +141,27 @@ def test_a_planner_is_compared_by_the_figures_that_its_plan_tells(planned):
     assert one.other.outcome.success.value == pytest.approx(pfs.composition.success_probability)
     assert (pfs.outcome.crossed.day == robust.outcome.crossed.day).all()
     assert (pfs.outcome.crossed.queue == robust.outcome.crossed.queue).all()
+
+
+def arrivals(crossed, times, runs):
+    """Outcome of some of the runs: the others do not arrive."""
+    some, nothing = crossed.of(runs), np.zeros(0)
+    return Outcome(
+        0.0, times[runs], some.weight, nothing, nothing, nothing, 1.0, len(runs) / len(times), np.ones(len(runs), dtype=bool), crossed=some
+    )  # fmt: skip
+
+
+def test_routes_are_compared_in_the_deliveries_that_arrive_on_both():
+    crossed, times = crossed_runs(np.random.default_rng(2), queues=1500)
+    most = np.flatnonzero(times < np.quantile(times, 0.9))  # in the worst weather it does not arrive
+    other, one = arrivals(crossed, times, np.arange(len(times))), arrivals(crossed, times + 60.0, most[::-1])
+    assert one.mean_s < other.mean_s + 60.0 - 0.1, "the worst deliveries are not in its mean"
+    found = later(one, other)
+    assert (found.value, found.low, found.high) == pytest.approx((60.0, 60.0, 60.0))
+    back = later(other, one)
+    assert back.value == pytest.approx(-60.0)
+    few = later(arrivals(crossed, times, most[:100]), other)
+    assert few.low < few.value < few.high, "compared by their means: hardly any delivery is in both"
 
 
 def test_waiting_for_room_is_no_waiting_for_wind(newyork):
