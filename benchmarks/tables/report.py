@@ -41,8 +41,8 @@ runs in circles until its step limit, of at most 50.
 """
 GLANCE = """## At a glance
 
-Mean delivery time above that of the clairvoyant `exact`, %, over the runs that all delivered; in brackets the share of all
-deliveries with a landing below the reserve, %.
+Mean delivery time above that of the clairvoyant `exact`, %, over the runs that all delivered, with its 95 % interval over the days; in
+parentheses the share of all deliveries with a landing below the reserve, %.
 """
 PAPER = """## The paper's experiment
 
@@ -113,7 +113,7 @@ def _glance(rows: Sequence[Row]) -> str:
 def _short(row: Row | None) -> str:
     if row is None or row.whole is None:
         return "-"
-    above = "-" if row.common is None or np.isnan(row.common.regret.value) else f"{100 * row.common.regret.value:.0f}"
+    above = "-" if row.common is None else row.common.regret.scaled(100.0).text(".0f")
     return f"{above} ({100 * row.whole.below_reserve.value:.1f})"
 
 

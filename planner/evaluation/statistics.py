@@ -125,7 +125,8 @@ class DayBootstrap:
         number = self._by_day(np.ones(len(kept)))
         value = float(np.abs(sums.sum(axis=0) / number.sum()).mean())
         found = np.abs((self.weight @ sums) / (self.weight @ number)[:, None]).mean(axis=1)
-        return self._interval(value, found)
+        between = self._interval(value, found)
+        return Estimate(value, between.low, min(between.high, 1.0) if math.isfinite(between.high) else math.nan)
 
     @property
     def _alpha(self) -> float:

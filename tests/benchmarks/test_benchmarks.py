@@ -171,6 +171,9 @@ def test_a_small_benchmark_writes_table_results_and_figures(tmp_path, monkeypatc
     document = json.loads((tmp_path / "out" / "planners.json").read_text())
     assert document["schema"] == "skyway.benchmark-results/1"
     assert {row["planner"] for row in document["rows"]} >= {"shortest", "ies"}
+    above = next(row["common"]["regret"] for row in document["rows"] if row["planner"] == "shortest")
+    value, low, high = (f"{100.0 * above[name]:.0f}" for name in ("value", "low", "high"))
+    assert f"| shortest | {value} [{low}, {high}] (0.0) |" in text, "at a glance, with the interval of so few days"
     assert document["machine"]["commit"]
     assert "![delivery time](delivery-time.svg)" in text
     assert any("new-york-0.5" in line for line in told)

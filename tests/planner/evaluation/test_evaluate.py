@@ -449,6 +449,8 @@ def test_intervals_over_few_days_hold_the_truth_about_as_often_as_they_say(days)
     assert covered >= 180, "between the days alone it is a half of two, three quarters of three"
     waits = DayBootstrap(np.arange(2)).mean(np.array([0.0, 600.0]))
     assert (waits.value, waits.low) == (300.0, 0.0), "no mean wait is negative"
+    off = DayBootstrap(np.arange(2)).mean_error(np.array([[True], [False]]), np.array([[0.1], [0.1]]))
+    assert (off.value, off.high) == (pytest.approx(0.4), 1.0), "no share is wrong by more than all"
 
 
 @pytest.mark.parametrize(("days", "q"), [(12, 0.95), (25, 0.95), (12, 0.5)])
