@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Protocol, runtime_checkable
 
 from skyway.models.base.errors import InfeasibleError
@@ -102,7 +102,7 @@ class Rolling:
 
     def decide(self, standing: Standing) -> Leg | None:
         """The first leg of the plan from here."""
-        request = replace(self.request, state=standing.state())
+        request = self.request.onward(standing.state())
         try:
             return plan(self.scenario, request, planner=self.planner, forecast=self.forecast(standing)).itinerary[0]
         except InfeasibleError:

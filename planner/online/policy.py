@@ -121,7 +121,7 @@ class OnlinePolicy:
         soc = min(max(info.soc, 0.0), 1.0)
         state = State(from_posix(info.time_s), info.station, None, soc, busy_pads=info.busy_pads, visited=info.visited)
         return Problem(
-            self.scenario, replace(self.request, state=state), self.drone, info.forecast, parameters=self.all_parameters
+            self.scenario, self.request.onward(state), self.drone, info.forecast, parameters=self.all_parameters
         )
 
     def way_on_soc(self, info: Information, station: str) -> float:

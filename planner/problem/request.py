@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import operator
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from datetime import datetime
 from types import NoneType
 from typing import TYPE_CHECKING, Any
@@ -142,6 +142,12 @@ class Request:
             raise InputError(faults)
         if self.in_air:
             object.__setattr__(self, "dwell_s", hover_s(self.release))
+
+    def onward(self, state: State) -> Request:
+        """Return the rest of the delivery from another state: once its deadline has passed, it arrives as early as possible."""
+        deadline = self.objective.deadline
+        late = deadline is not None and deadline <= state.time
+        return replace(self, state=state, objective=Objective() if late else self.objective)
 
     @property
     def in_air(self) -> bool:

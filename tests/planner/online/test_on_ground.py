@@ -11,6 +11,7 @@ from bellevue_flights import DEPART, NETWORK, QUICK, SURE, calming, standing, wi
 
 from skyway.models.base.errors import InputError
 from skyway.models.base.formatting import duration
+from skyway.models.base.units import from_posix
 from skyway.models.composition.composition import State
 from skyway.models.drones.energy_belief import EnergyBelief
 from skyway.planner.online.departure_gate import DepartureGate
@@ -24,6 +25,7 @@ from skyway.planner.parameters.online import OnlineParameters
 from skyway.planner.parameters.planner import PlannerParameters
 from skyway.planner.plan import plan
 from skyway.planner.problem.error_model import USUAL_ERRORS
+from skyway.planner.problem.objective import Objective
 from skyway.planner.problem.problem import HORIZON_H, Problem
 from skyway.planner.problem.request import Request
 
@@ -251,6 +253,16 @@ def test_what_a_flight_took_is_learnt_and_the_next_one_is_not_quite_sure():
     within = belief.in_flight(0.36, 0.30)
     assert abs(within.mean_ratio - 1.2) < abs(after.mean_ratio - 1.2)
     assert belief.learnt(0.1, 0.0) == belief
+
+
+def test_a_delivery_that_is_late_is_decided_as_one_without_a_deadline(newyork, request_, policy):
+    known = standing(wind(9.0, 30.0))
+    now = from_posix(known.time_s)
+    on_time = replace(
+        request_, state=replace(request_.state, time=now - timedelta(hours=1)), objective=Objective("on-time", now)
+    )
+    late, usual = (one.on_ground(known) for one in (OnlinePolicy(newyork, on_time), policy))
+    assert (late.action, late.reason) == (usual.action, usual.reason)
 
 
 def test_parameters_say_when_a_plan_is_left(newyork, request_, composition):

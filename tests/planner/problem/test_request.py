@@ -1,6 +1,7 @@
 """What is asked of a planner is checked against units, drone and network; the likely meaning is asked for."""
 
 import math
+from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 
 import pytest
@@ -56,6 +57,13 @@ def test_an_absurd_request_is_refused_with_what_it_may_mean(wrong, field, remedy
     assert len(error.value.faults) == 1
     assert field in str(error.value)
     assert remedy in str(error.value)
+
+
+def test_the_rest_of_a_delivery_has_its_deadline_until_that_has_passed():
+    asked = ask(objective=Objective("on-time", DEPART + timedelta(hours=1)))
+    before, after = (replace(asked.state, time=DEPART + timedelta(minutes=minute)) for minute in (59, 60))
+    assert asked.onward(before) == replace(asked, state=before)
+    assert asked.onward(after) == replace(asked, state=after, objective=Objective())
 
 
 UNFIT = {
