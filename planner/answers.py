@@ -11,7 +11,7 @@ from zoneinfo import ZoneInfo
 import numpy as np
 
 from skyway.models.base.errors import AuditError
-from skyway.models.base.formatting import percent
+from skyway.models.base.formatting import percent, share
 from skyway.models.base.units import S_PER_H, from_posix, iso
 from skyway.models.flight.weather_closures import closures_told
 from skyway.models.scenario.air import air_notes
@@ -159,12 +159,12 @@ def _doubts(
     broken = 1.0 - summary.p_success
     if simulated and broken > problem.epsilon + 2.0 * math.sqrt(problem.epsilon / simulated):
         doubts.append(
-            f"{percent(broken, None)} of deliveries land below the reserve, {percent(problem.epsilon, None)} were allowed: "
+            f"{share(summary.success.rest)} of deliveries land below the reserve, {percent(problem.epsilon, None)} were allowed: "
             "the planner found no safer route"
         )
     elif not simulated and broken > problem.epsilon + 1e-9:
         doubts.append(
-            f"flown without replanning, {percent(broken, None)} of deliveries land below the reserve, {percent(problem.epsilon, None)} "
+            f"flown without replanning, {share(summary.success.rest)} of deliveries land below the reserve, {percent(problem.epsilon, None)} "
             "were asked for: decide the charge again at each stop"
         )
     if problem.in_flight and summary.p_arrive < 1.0 - problem.epsilon:

@@ -9,7 +9,7 @@ from types import NoneType
 from typing import TYPE_CHECKING
 
 from skyway.models.base.errors import Fault, InfeasibleError, InputError, NoRouteError, refuse
-from skyway.models.base.formatting import later_text
+from skyway.models.base.formatting import duration, later_text
 from skyway.models.base.ranges import kind_faults
 from skyway.models.base.units import S_PER_MIN
 from skyway.models.scenario.air import fleet_in_air
@@ -323,8 +323,9 @@ def _plan_robust(
             break
         look(best)
     for drone, least_s in unseen.items():
-        more_min = (least_s - answer.outcome.mean_s) / S_PER_MIN
-        told[drone] = f"at least {more_min:.0f} min later, even with no margin for wind and gusts"
+        more_s = S_PER_MIN * math.floor((least_s - answer.outcome.mean_s) / S_PER_MIN)  # no more than the bound says
+        later_by = f"at least {duration(more_s)} later" if more_s > 0.0 else "no earlier"
+        told[drone] = f"{later_by}, even with no margin for wind and gusts"
     spent_s = time.perf_counter() - started
     labels_expanded = sum(search.labels_expanded for search in searches)
     result = robust_result(answer, spent_s, labels_expanded, rejected | told)

@@ -125,10 +125,10 @@ def minutes(figure: Figure) -> str:
     digits = 0 if step >= 60 else 1
     value = step * round(figure.value / step) / 60.0
     if figure.high <= figure.low:
-        return f"{figure.value / 60.0:.1f}"
+        return f"{figure.value / 60.0:z.1f}"
     unit = 10.0**-digits
     off = max(unit * math.ceil(figure.half_width / 60.0 / unit - 1e-9), unit)
-    return f"{value:.{digits}f} ± {off:.{digits}f}"
+    return f"{value:z.{digits}f} ± {off:.{digits}f}"
 
 
 def share(figure: Figure) -> str:

@@ -215,3 +215,5 @@ def test_a_difference_that_is_not_clear_has_no_negative_figure():
     said = "no clear difference on average"
     assert words.later_text(Figure(-7200.0, -16_200.0, 1800.0, 4500.0)) == f"{said} (120 ± 150 min earlier)"
     assert words.later_text(Figure(7200.0, -1800.0, 16_200.0, 4500.0)) == f"{said} (120 ± 150 min)"
+    assert words.minutes(Figure(-1e-7, -1e-7, -1e-7)) == "0.0"
+    assert words.minutes(Figure(-0.5, -60.0, 60.0, 30.0)).startswith("0.0 ± ")

@@ -88,7 +88,7 @@ def _capacity(capacity: Capacity, level: float) -> str:
 
 def _figures(one: CaseDone) -> list[str]:
     low, high = one.served_between
-    between = "unknown" if math.isnan(low) else f"{100.0 * low:.0f} to {percent(high)}"
+    between = "unknown" if math.isnan(low) else f"{percent(low)} to {percent(high)}"
     shares = [probability(one.served), between, probability(one.kept), probability(one.stated)]
     times = [with_unit(at, "min", 0) for at in (one.wait_min, one.delivery_min)]
     return [*shares, *times, probability(one.below, 1)]

@@ -34,7 +34,14 @@ def capacity(
     hours: Annotated[float, typer.Option(help="Hours of order arrivals each day.", min=0.5, max=12.0)] = 3.0,
     days: Annotated[int, typer.Option(help="Simulated days of each case.", min=2, max=MOST_DAYS)] = 20,
     level: Annotated[float, typer.Option(help="Required share of orders delivered as promised, percent.")] = 90.0,
-    within: Annotated[float, typer.Option(help="Greatest distance of a delivery, km.", min=1.0, max=1000.0)] = 20.0,
+    within: Annotated[
+        float,
+        typer.Option(
+            help="Greatest distance of a delivery, km; to the nearest station where none is within.",
+            min=1.0,
+            max=1000.0,
+        ),
+    ] = 20.0,
     orders: Annotated[
         Path | None, typer.Option(help="Orders from which places and packages are sampled, instead of random stations.")
     ] = None,
