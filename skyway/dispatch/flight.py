@@ -5,15 +5,17 @@ from __future__ import annotations
 import json
 import math
 import threading
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from skyway.dispatch.booked_pads import BookedPads
 from skyway.dispatch.fleet_winds import last_of
-from skyway.dispatch.records import WITH_PACKAGE, End, Progress
+from skyway.dispatch.records import TO_PACKAGE, WITH_PACKAGE, End, Progress
 from skyway.flying import request_of
 from skyway.link.protocol.connection import Connection
 from skyway.link.supervisor import DeliveryJob, Journal, NobodyThere, Supervisor, read_journal
+from skyway.link.supervisor.command.orders import offered
+from skyway.link.supervisor.operators import Said
 from skyway.link.supervisor.states import IN_AIR, State
 from skyway.link.vehicle.vehicle import Vehicle
 from skyway.models.base.errors import InputError, LinkError, SkywayError
@@ -34,7 +36,20 @@ ALONE_S, AGAIN_S = 120.0, 5.0
 """Longest wait for another process that still sends commands to its vehicle, and interval of the checks, s."""
 WAITS_S = 5400.0
 """Longest wait of a flight for its take-off, s: then it ends at its station, and the dispatcher replans."""
+STAY = "stay"
 NOT_TOLD = frozenset({State.REPLANNING, State.PREFLIGHT, State.UPLOADING, State.READY, State.ARMING})
+
+
+@dataclass(slots=True)
+class Recall(NobodyThere):
+    """Operator of a flight without people: it orders one thing, that the drone stays where it stands or lands next."""
+
+    due: bool = False
+
+    def next_input(self) -> Said | None:
+        """Return the order, if it is due."""
+        due, self.due = self.due, False
+        return Said(word=STAY, name="the dispatcher") if due else None
 
 
 class Flight:
@@ -44,11 +59,17 @@ class Flight:
         self._worker, self._entry, self._record = worker, entry, record
         self._last = Progress(at_s=-math.inf, state="")
         self._pads: BookedPads | None = None
+        self._recall = Recall()
         self._thread = threading.Thread(target=self._run, daemon=True, name=f"flight {entry.id}")
 
     def start(self) -> None:
         """Begin, or continue."""
         self._thread.start()
+
+    @property
+    def fetches(self) -> str | None:
+        """The order to whose package it flies."""
+        return self._record.order if self._record.phase == TO_PACKAGE else None
 
     @property
     def alive(self) -> bool:
@@ -102,9 +123,11 @@ class Flight:
         journal = Journal(path, world.posix_s, resume=resumes)
         try:
             supervisor = Supervisor(
-                job, vehicle, world, pads, NobodyThere(), journal, resume=resumes, on_tick=self._tell
+                job, vehicle, world, pads, self._recall, journal, resume=resumes, on_tick=self._tell
             )
             outcome = supervisor.run()
+            if outcome.station is not None:
+                pads.leave(outcome.station, str(record.system))
             self._end(world, supervisor.context, outcome)
         finally:
             journal.close()
@@ -126,6 +149,7 @@ class Flight:
         """Write the progress if it has changed; send nothing more to the vehicle if another process has the flight."""
         if self._worker.leases.kept(self._entry.keeper) is None:
             raise FencedError(f"the lease of {self._entry.keeper} is lost")
+        self._recall.due = self.fetches in self._worker.cancelled and STAY in offered(ctx)
         late_s = self._late_s(ctx)
         last = self._last
         state = "preparing" if ctx.state in NOT_TOLD else str(ctx.state)

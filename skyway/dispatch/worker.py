@@ -56,7 +56,7 @@ class Worker:
         self.name = worker_name(dispatcher, number)
         self._dispatcher, self._ledger_name = dispatcher, ledger
         self._lock = threading.RLock()
-        self._desk = Desk(open_ledger(ledger), dispatcher)
+        self._desk = Desk(open_ledger(ledger, create=False), dispatcher)
         found = self._desk.get("service", "service")
         if found is None:
             raise InputError(
@@ -66,6 +66,8 @@ class Worker:
         self.region = Region(self.service)
         self.leases = KeptLeases(ledger, f"{socket.gethostname()} {os.getpid()}", self.service.ttl_s)
         self.winds = FleetWinds()
+        self.cancelled: frozenset[str] = frozenset()
+        """Cancelled orders."""
         self._flights: dict[str, Flight] = {}
         self._tried_wall_s = 0.0
         self._heard_s = -HEAR_S
@@ -115,7 +117,7 @@ class Worker:
         """Reopen the ledger after a loss of its database; flights continue meanwhile until their lease expires."""
         time.sleep(AGAIN_WALL_S)
         try:
-            fresh = open_ledger(self._ledger_name)
+            fresh = open_ledger(self._ledger_name, create=False)
         except SkywayError:
             return
         self._desk.ledger.close()
@@ -148,6 +150,7 @@ class Worker:
             except SkywayError:
                 self._reopen()
                 return
+        self._hear_cancellations()
         mine = set(self.leases.holders)
         self._take_over(set(keepers.values()) - mine)
         mine = set(self.leases.holders)
@@ -159,6 +162,12 @@ class Worker:
             if entry is not None and entry.keeper == keeper and entry.state in ACTIVE:
                 self._flights[name] = Flight(self, entry, read(entry, FlightRecord))
                 self._flights[name].start()
+
+    def _hear_cancellations(self) -> None:
+        """Read which orders were cancelled, if a drone flies to a package."""
+        if any(one.fetches is not None for one in self._flights.values()):
+            with self._lock, suppress(SkywayError):  # the database is unavailable: next time
+                self.cancelled = frozenset(self._desk.keepers("cancel", ("done",)))
 
     def _take_over(self, keepers: set[str]) -> None:
         """Take expired leases of other workers, while there is capacity."""

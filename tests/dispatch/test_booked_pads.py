@@ -44,6 +44,25 @@ def test_a_drone_waits_for_its_window_and_knows_when_its_charge_is_done():
     assert pads.charged_s == -math.inf
 
 
+def test_a_flight_that_ends_on_its_pad_leaves_it_once_and_no_other():
+    left = []
+
+    class Noted(Pads):
+        def release(self, station, drone):
+            left.append((station, drone))
+            return super().release(station, drone)
+
+    pads = BookedPads(Noted(), (charge(300.0, 700.0),), lambda: 301.0)
+    pads.leave("a", "d")
+    assert left == []
+    pads.charge("a", "d", 0.8)
+    pads.leave("b", "d")
+    assert left == []
+    pads.leave("a", "d")
+    pads.leave("a", "d")
+    assert left == [("a", "d")]
+
+
 def test_a_leg_that_was_refused_is_closed_until_the_next_hour_of_the_forecast():
     begin_s = 1_373_479_200.0
     wind = constant_wind(4.0, 270.0, from_posix(begin_s), 12, 40.7, -73.9, 100.0)

@@ -2,8 +2,10 @@
 
 import json
 from datetime import timedelta
+from functools import partial
 from types import SimpleNamespace
 
+import msgspec
 import pytest
 from fleet_runs import START, FleetRun, flying, nothing_is_forgotten, order_line
 from test_fleet_api import Client, ledger  # noqa: F401  a fixture
@@ -14,7 +16,19 @@ from skyway.dispatch.dispatcher.fleet_planner import available
 from skyway.dispatch.dispatcher.promises import Promises
 from skyway.dispatch.dispatcher.reasons import Reasons
 from skyway.dispatch.dispatcher.situation import Situation
-from skyway.dispatch.records import TO_PACKAGE, WITH_PACKAGE, FlightRecord, OrderRecord, PlanStep, Promise, read
+from skyway.dispatch.dispatcher.windows import committed
+from skyway.dispatch.records import (
+    TO_PACKAGE,
+    WITH_PACKAGE,
+    Board,
+    End,
+    FlightRecord,
+    OrderRecord,
+    PlanStep,
+    Progress,
+    Promise,
+    read,
+)
 from skyway.dispatch.requests import put_order
 from skyway.models.ledger.desk import Desk
 from skyway.models.ledger.opening import open_ledger
@@ -232,3 +246,92 @@ def test_a_drone_whose_order_is_cancelled_on_its_way_to_the_package_lands_there_
     status = nothing_is_forgotten(run)
     assert [state for state, _ in status.orders.values()] == ["cancelled"]
     assert [(state, one.place) for state, one in status.drones.values()] == [("standing", "bellevue")]
+
+
+@pytest.mark.slow
+def test_a_drone_that_charges_to_fly_to_a_cancelled_package_stays_where_it_is(tmp_path):
+    run = FleetRun(tmp_path, [order_line("one", "jacobi", "bellevue")], ["d1,m200,bellevue,25\n"])
+    try:
+        run.start()
+        run.look(charging)
+        assert cancel(run.ledger, "one") == 0
+        run.wait()
+    finally:
+        run.stop()
+    status = nothing_is_forgotten(run)
+    assert [state for state, _ in status.orders.values()] == ["cancelled"]
+    with open_ledger(run.ledger) as book:
+        (flight,) = Board(Desk(book, "dispatch")).read("flight", FlightRecord).values()
+    end = flight[1].end
+    assert (end.station, end.state, end.arrived) == ("bellevue", "stopped-safe", False)
+    assert end.at_s < flight[1].steps[0].end_s
+
+
+def charging(desk):
+    """Flights whose drone charges."""
+    found = Board(desk).read("flight", FlightRecord, ("flying",))
+    return [name for name, (_, one) in found.items() if one.progress is not None and one.progress.state == "charging"]
+
+
+def flies_by_a_stop(progress):
+    """Let the drone fly to the package by a stop, with a charge before each of two legs."""
+
+    def change(situation):
+        fly(TO_PACKAGE)(situation)
+        ((name, (state, flight)),) = situation.flights.items()
+        charge = partial(PlanStep, kind="charge", pad=1, soc_begin=0.3, soc_end=0.8)
+        flight.steps = (
+            charge(origin="bellevue", destination="bellevue", begin_s=AT_S, end_s=AT_S + 900.0),
+            msgspec.structs.replace(STEP, destination="nyp-queens", begin_s=AT_S + 900.0, end_s=AT_S + 1800.0),
+            charge(origin="nyp-queens", destination="nyp-queens", begin_s=AT_S + 1800.0, end_s=AT_S + 2700.0),
+            msgspec.structs.replace(STEP, origin="nyp-queens", begin_s=AT_S + 2700.0, end_s=AT_S + 3600.0),
+        )
+        flight.progress = progress
+        situation.board.change("flight", name, state, flight)
+
+    return change
+
+
+@pytest.mark.parametrize(
+    ("progress", "booked", "ends"),
+    [
+        (None, ["bellevue", "nyp-queens"], ("jacobi", 3600.0)),
+        (Progress(at_s=AT_S, state="charging", flights=0, station="bellevue", soc=0.35), ["bellevue"], ("bellevue", 0.0)),
+        (Progress(at_s=AT_S, state="flying", flights=1), ["bellevue"], ("nyp-queens", 1800.0)),
+        (Progress(at_s=AT_S, state="charging", flights=1, station="nyp-queens", soc=0.4), ["bellevue", "nyp-queens"], ("nyp-queens", 0.0)),
+        (Progress(at_s=AT_S, state="flying", flights=2), ["bellevue", "nyp-queens"], ("jacobi", 3600.0)),
+    ],
+    ids=["not begun as far as is known", "at its first stop", "on its first leg", "at its second stop", "on its last leg"],
+)  # fmt: skip
+def test_the_drone_of_a_cancelled_order_keeps_the_pads_up_to_its_next_landing_alone(place, progress, booked, ends):
+    desk, name = place
+    situation, _ = step(desk, flies_by_a_stop(progress))
+    assert [one.station for one in committed(situation, AT_S)["blood"]] == ["bellevue", "nyp-queens"]
+    assert cancel(name) == 0
+    situation, _ = step(desk)
+    for _ in range(2):
+        assert [one.station for one in committed(situation, AT_S)["blood"]] == booked
+        free = available(situation, AT_S)["d1"]
+        assert (free.place, free.available_from.timestamp()) == (ends[0], pytest.approx(AT_S + ends[1], abs=60.0))
+        situation.read()  # as the next step finds it
+
+
+def test_a_drone_that_stays_for_a_cancelled_order_closes_no_leg_for_others(place):
+    desk, name = place
+    step(desk, flies_by_a_stop(Progress(at_s=AT_S, state="charging", station="bellevue", soc=0.35)))
+    assert cancel(name) == 0
+    step(desk)
+
+    def end(situation):
+        ((name, (_, flight)),) = situation.flights.items()
+        flight.end = End(at_s=AT_S, state="stopped-safe", reason="", station="bellevue", soc=0.4, arrived=False)
+        situation.board.change("flight", name, "ended", flight)
+
+    step(desk, end)
+    situation, closed = Situation(desk), []
+    situation.read()
+    legs = SimpleNamespace(close=lambda *leg: closed.append(leg))
+    Events(situation, None, legs, None, None).take_ends(AT_S, Reasons())
+    assert closed == []
+    assert situation.drones["d1"][0] == "standing"
+    assert (situation.drones["d1"][1].place, situation.drones["d1"][1].soc) == ("bellevue", 0.4)

@@ -1,11 +1,11 @@
 """Flights under way, as the promises of a new plan are simulated from them."""
 
 from datetime import UTC, datetime, timedelta
-from types import SimpleNamespace
 
 import pytest
 
 from skyway.dispatch.dispatcher.fleet_planner import under_way
+from skyway.dispatch.dispatcher.situation import Situation
 from skyway.dispatch.records import DroneRecord, FlightRecord, OrderRecord, PlanStep, Progress
 from skyway.models.orders.order import Order, Vehicle
 
@@ -29,7 +29,10 @@ def situation(progress, state="flying"):
         not_before_s=0.0, journal="", progress=progress,
     )  # fmt: skip
     drone = DroneRecord(vehicle=vehicle, system=1, place="a", soc=0.88, flight="1 d")
-    return SimpleNamespace(flights={"1 d": ("flying", flight)}, drones={"d": (state, drone)}, orders={"one": ("under way", OrderRecord(order=order, place="z"))})  # fmt: skip
+    found = Situation(None)  # as if read from a desk
+    found.flights, found.drones = {"1 d": ("flying", flight)}, {"d": (state, drone)}
+    found.orders = {"one": ("under way", OrderRecord(order=order, place="z"))}
+    return found
 
 
 def seconds(one):

@@ -74,6 +74,12 @@ class Events:
         if not safe:
             self._lose(flight.drone, drone, end.state, f"{end.state}: {end.reason}", why)
             drone.route = ()
+        elif not end.arrived and situation.recalled(flight):
+            if drone.route and drone.route[0].steps[0].origin != end.station:
+                why.of_drone[flight.drone] = (
+                    f"{flight.drone} stays at {end.station}: order {flight.order} was cancelled"
+                )
+                drone.route = ()
         elif not end.arrived:
             why.of_drone[flight.drone] = f"{flight.drone} stopped at {end.station}: {end.reason}"
             drone.route = ()  # the steps after it; its pads are free for others, and for itself

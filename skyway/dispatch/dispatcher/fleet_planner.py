@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from skyway.dispatch.dispatcher.seen_strangers import SeenStrangers
     from skyway.dispatch.dispatcher.situation import Situation
     from skyway.dispatch.fleet_winds import FleetForecast
+    from skyway.dispatch.records import FlightRecord
     from skyway.dispatch.region import Region
     from skyway.models.ledger.ledger import Hold
     from skyway.models.orders.order import Order, Vehicle
@@ -174,7 +175,7 @@ def under_way(situation: Situation, now_s: float) -> list[Begun]:
         if order is not None:
             order = replace(order, origin=record.steps[0].origin)
         vehicle = replace(drone.vehicle, place=place, soc=min(max(soc, 0.0), 1.0), available_from=from_posix(at_s))
-        steps = tuple(step_of(one, part) for one in record.steps[after:])
+        steps = tuple(step_of(one, part) for one in situation.steps_of(record)[after:])
         found.append(Begun(vehicle, steps, order, itinerary_name(record.order, record.drone), at_s - now_s))
     return found
 
@@ -188,9 +189,8 @@ def available(situation: Situation, now_s: float) -> dict[str, Vehicle]:
         place, soc, from_s = drone.place, drone.soc, now_s
         if drone.flight is not None:
             flight = situation.flights[drone.flight][1]
-            last = flight.steps[-1]
-            place, soc = last.destination, last.soc_end
-            from_s = max(flight.end_s + flight.late_s, now_s) + TURN_S
+            place, soc, from_s = _end_of(flight, situation, now_s)
+            from_s += TURN_S
         begin = drone.vehicle.available_from
         if begin is not None:
             from_s = max(from_s, begin.timestamp())
@@ -198,6 +198,14 @@ def available(situation: Situation, now_s: float) -> dict[str, Vehicle]:
             drone.vehicle, place=place, soc=min(max(soc, 0.0), 1.0), available_from=from_posix(from_s)
         )
     return found
+
+
+def _end_of(flight: FlightRecord, situation: Situation, now_s: float) -> tuple[str, float, float]:
+    """Return where a flight ends, with which charge, and when, POSIX seconds."""
+    progress, steps = flight.progress, situation.steps_of(flight)
+    if progress is not None and progress.station is not None and situation.recalled(flight):
+        return progress.station, flight.steps[0].soc_begin if progress.soc is None else progress.soc, now_s
+    return steps[-1].destination, steps[-1].soc_end, max(steps[-1].end_s + flight.late_s, now_s)
 
 
 def _part_of(flight: PlannedFlight) -> PlannedPart:

@@ -80,7 +80,7 @@ class Promises:
         self._situation.change_order(name, HANDED_OVER, order)
 
     def cancel(self, now_s: float, name: str, order: OrderRecord, by: str) -> None:
-        """Cancel an order whose package is in no drone; one that flies to it goes on to its landing, and is then free."""
+        """Cancel an order whose package is in no drone; one that flies to it stays at its next landing, and is then free."""
         order.reason, order.cancelled_s, order.cancelled_by = f"cancelled by {by}", now_s, by
         order.drone = order.promise = None
         self._say(f"{name} {order.reason}")

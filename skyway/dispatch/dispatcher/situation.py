@@ -6,10 +6,12 @@ from typing import TYPE_CHECKING
 
 from skyway.dispatch.records import (
     ACTIVE,
+    CANCELLED,
     FLYING,
     HANDED_OVER,
     LOST,
     OPEN,
+    TO_PACKAGE,
     Board,
     CancelRecord,
     DroneRecord,
@@ -20,7 +22,7 @@ from skyway.dispatch.records import (
 from skyway.models.base.errors import InputError
 
 if TYPE_CHECKING:
-    from skyway.dispatch.records import PadRecord
+    from skyway.dispatch.records import PadRecord, PlanStep
     from skyway.models.ledger.desk import Desk
     from skyway.models.ledger.ledger import Lease
 
@@ -50,6 +52,7 @@ class Situation:
         self.pads: dict[str, tuple[str, PadRecord]] = {}
         self.cancels: dict[str, tuple[str, CancelRecord]] = {}
         self.late_s: dict[str, float] = {}
+        self._cancelled: dict[str, bool] = {}
 
     def read(self) -> None:
         """Read the desk; changes that were not written are dropped."""
@@ -60,6 +63,7 @@ class Situation:
         self.flights = board.read("flight", FlightRecord, (*ACTIVE, "ended"))
         self.pads = board.pads_out()
         self.cancels = board.read("cancel", CancelRecord, ("asked",))
+        self._cancelled.clear()
 
     def closed_order(self, name: str) -> tuple[str, OrderRecord]:
         """Return an order that was closed before this step."""
@@ -75,6 +79,28 @@ class Situation:
         if name not in self.orders:
             self.orders.update(self.board.read_one("order", name, OrderRecord, HANDED_OVER))
         return name in self.orders
+
+    def recalled(self, flight: FlightRecord) -> bool:
+        """Say whether a drone flies to the package of a cancelled order: its worker lets it stay where it stands, or lands next."""
+        order = flight.order
+        if flight.phase != TO_PACKAGE or order is None:
+            return False
+        if order in self.orders:
+            return self.orders[order][0] == CANCELLED
+        if order not in self._cancelled:
+            entry = self.board.desk.get("order", order)
+            self._cancelled[order] = entry is not None and entry.state == CANCELLED
+        return self._cancelled[order]
+
+    def steps_of(self, flight: FlightRecord) -> tuple[PlanStep, ...]:
+        """Return the steps of a flight, of one that is recalled without those after its next landing, or after its present stop."""
+        progress = flight.progress
+        if progress is None or not self.recalled(flight):
+            return flight.steps
+        ends = [number for number, one in enumerate(flight.steps) if one.kind == "fly"]
+        if progress.station is None:
+            return flight.steps[: ends[max(progress.flights, 1) - 1] + 1]
+        return flight.steps[: ends[progress.flights]] if progress.flights < len(ends) else flight.steps
 
     def write(self, lease: Lease) -> None:
         """Write all changes to the desk, or none."""

@@ -20,7 +20,7 @@ def committed(situation: Situation, now_s: float) -> dict[str, list[Window]]:
     """Return the windows of flights that have begun, by the id of their booking."""
     found: dict[str, list[Window]] = {}
     for name, (_, flight) in situation.flights.items():
-        windows = windows_of(flight.steps, situation.late_s.get(name, 0.0), not_before_s=now_s)
+        windows = windows_of(situation.steps_of(flight), situation.late_s.get(name, 0.0), not_before_s=now_s)
         found.setdefault(itinerary_name(flight.order, flight.drone), []).extend(windows)
     return found
 

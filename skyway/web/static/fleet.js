@@ -119,7 +119,7 @@ export default {
         h("input", { id: "my-name", type: "text", maxlength: 40, value: this.name, autocomplete: "off", onInput: (e) => this.called(e.target.value) }),
         h(Hold, { key: wanted, words: wanted ? `Cancel ${wanted}` : "Cancel the order", kind: "grave", disabled: !wanted, onHeld: () => this.cancel(wanted) }),
       ]);
-      const note = "Only orders whose package is in no drone are listed. A drone that flies to the package goes on to its landing there, and is then free.";
+      const note = "Only orders whose package is in no drone are listed. A drone that flies to the package stays where it stands or lands next, and is then free.";
       return h("section", { key: "cancelling", class: "cancelling", "aria-label": "Cancel an order" }, [
         cancellable.length ? [h("h2", "Cancel an order"), line, h("p", { class: "faint" }, note)] : null,
         h("p", { class: this.wrong ? "status wrong" : "status", role: "status" }, this.answer),

@@ -436,7 +436,7 @@ def open_(
 def cancel(
     order: Annotated[str, typer.Argument(help="Order id.")], ledger: LedgerName, holder: Holder = "dispatch"
 ) -> None:
-    """Cancel an order whose package is not aboard a drone; a drone that flies to the package lands there and is then free.
+    """Cancel an order whose package is not aboard a drone; a drone that flies to the package stays where it stands or lands next, and is then free.
 
     The command waits up to 30 s for the answer of a running dispatcher. Exit code 2: the order cannot be cancelled.
 
