@@ -63,19 +63,19 @@ class Desk:
     def keepers(self, kind: Kind, states: Sequence[str]) -> dict[str, str]:
         """Return the keepers of the entries of a kind in some states, by their ids; without the documents."""
         sql = f"SELECT id, keeper FROM desk WHERE dispatcher = ? AND kind = ? AND state IN ({', '.join('?' * len(states))}) ORDER BY id"
-        with self.ledger.transaction():
+        with self.ledger.reading():
             return {str(id_): str(keeper) for id_, keeper in self.ledger.rows(sql, (self.dispatcher, kind, *states))}
 
     def count(self, kind: Kind, states: Sequence[str] = ()) -> int:
         """Number of entries of a kind, in some states where they are named."""
         condition = f" AND state IN ({', '.join('?' * len(states))})" if states else ""
         sql = f"SELECT COUNT(*) FROM desk WHERE dispatcher = ? AND kind = ?{condition}"
-        with self.ledger.transaction():
+        with self.ledger.reading():
             return int(self.ledger.rows(sql, (self.dispatcher, kind, *states))[0][0])
 
     def _found(self, condition: str, values: Sequence[Any]) -> list[Entry]:
         sql = f"SELECT {FIELDS} FROM desk WHERE dispatcher = ? AND {condition} ORDER BY id"
-        with self.ledger.transaction():
+        with self.ledger.reading():
             return [Entry(*row) for row in self.ledger.rows(sql, (self.dispatcher, *values))]
 
     def put_down(self, kind: Kind, id: str, state: str, document: str) -> Entry:  # noqa: A002
@@ -143,7 +143,7 @@ class Desk:
         if id is not None:
             condition, values = f"{condition} AND id = ?", [*values, id]
         sql = f"SELECT seq, at, {FIELDS} FROM desk_history WHERE dispatcher = ? AND {condition} ORDER BY seq LIMIT ?"
-        with self.ledger.transaction():
+        with self.ledger.reading():
             rows = self.ledger.rows(sql, (self.dispatcher, *values, limit))
         return [(int(row[0]), self.ledger.from_db(row[1]), Entry(*row[2:])) for row in rows]
 

@@ -54,6 +54,8 @@ __all__ = [
 WINDOW = "station, pad, starts, ends, start_sd_s, end_sd_s, epsilon"
 HELD = f"itinerary, version, number, {WINDOW}, state, holder, token"
 MAX_LEASE_S = 86_400.0
+WAIT_S = 60.0
+"""How long a transaction waits for those of others, in a file."""
 
 
 class Ledger(ABC):
@@ -77,6 +79,10 @@ class Ledger(ABC):
         """Run a block as one transaction; a conflict found by the database becomes a `TakenError`."""
 
     @abstractmethod
+    def reading(self) -> AbstractContextManager[None]:
+        """Run a block of reads as one transaction."""
+
+    @abstractmethod
     def _to_db(self, instant: datetime) -> Any:
         """Instant in the form of the database."""
 
@@ -98,7 +104,7 @@ class Ledger(ABC):
 
     def now(self) -> datetime:
         """Time by the clock of the database."""
-        with self.transaction():
+        with self.reading():
             return self.from_db(self.rows(f"SELECT {self.NOW}")[0][0])
 
     def acquire(self, holder: str, owner: str, ttl_s: float = 60.0) -> Lease:
@@ -137,13 +143,13 @@ class Ledger(ABC):
 
     def led(self, holder: str) -> bool:
         """Whether a process has the lease of a holder now."""
-        with self.transaction():
+        with self.reading():
             found = self.rows(f"SELECT expires > {self.NOW} FROM lease WHERE holder = ?", (holder,))
         return bool(found and found[0][0])
 
     def confirm(self, lease: Lease) -> None:
         """Refuse, with a `FencedError`, actions under a lost lease: called before each command to a vehicle."""
-        with self.transaction():
+        with self.reading():
             self.check(lease)
 
     def give_back(self, lease: Lease) -> None:
@@ -351,7 +357,7 @@ class Ledger(ABC):
         ):
             if value is not None:
                 condition, values = f"{condition} AND {text}", [*values, value]
-        with self.transaction():
+        with self.reading():
             rows = self.rows(f"SELECT {HELD} FROM booking WHERE {condition} ORDER BY starts, station, pad", values)
         return [self._hold(row) for row in rows]
 
@@ -361,7 +367,7 @@ class Ledger(ABC):
             f"SELECT {HELD} FROM booking WHERE itinerary = ? AND version = "
             "(SELECT version FROM itinerary WHERE id = ?) ORDER BY number"
         )
-        with self.transaction():
+        with self.reading():
             return [self._hold(row) for row in self.rows(sql, (itinerary, itinerary))]
 
     def history(self, itinerary: str | None = None, *, after: int = 0, limit: int = 100_000) -> list[Event]:
@@ -371,7 +377,7 @@ class Ledger(ABC):
         if itinerary is not None:
             condition, values = f"{condition} AND itinerary = ?", [after, itinerary]
         sql = f"SELECT seq, at, {HELD} FROM history WHERE {condition} ORDER BY seq LIMIT ?"
-        with self.transaction():
+        with self.reading():
             rows = self.rows(sql, (*values, limit))
         return [Event(int(row[0]), self.from_db(row[1]), self._hold(row[2:])) for row in rows]
 

@@ -26,6 +26,12 @@ def scripts(dialect: str, folder: Path = FOLDER) -> list[str]:
     return [read_text(found[number], max_bytes=1_000_000) for number in range(1, len(found) + 1)]
 
 
+def refuse_none(version: int, name: str) -> None:
+    """Refuse a database without tables of a ledger, with an `InputError`: who reads a ledger must not create one where it looked by mistake."""
+    if version == 0:
+        raise InputError("has no ledger", name, remedy="name the ledger of a running dispatcher")
+
+
 def missing(version: int, known: list[str], name: str) -> Iterator[tuple[int, str]]:
     """Yield the versions that a ledger lacks with their SQL; an `InputError` refuses a ledger from a newer skyway."""
     if version > len(known):

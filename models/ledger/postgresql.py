@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import re
 import socket
 import threading
 import time
@@ -13,8 +12,9 @@ from typing import TYPE_CHECKING, Any
 
 from skyway.models.base.errors import InputError, one_line
 from skyway.models.base.formatting import duration
+from skyway.models.ledger.address import without_password
 from skyway.models.ledger.ledger import Ledger, LedgerError, TakenError
-from skyway.models.ledger.migrating import FOLDER, missing, scripts
+from skyway.models.ledger.migrating import FOLDER, missing, refuse_none, scripts
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -38,12 +38,12 @@ class PostgresqlLedger(Ledger):
     LOCK = "FOR UPDATE"
     SHARE = "FOR SHARE"
 
-    def __init__(self, address: str, *, migrations: Path = FOLDER) -> None:
+    def __init__(self, address: str, *, migrations: Path = FOLDER, create: bool = True) -> None:
         import psycopg
 
         super().__init__()
         self._psycopg = psycopg
-        self._name = _without_password(address)
+        self._name = without_password(address)
         try:
             self._connection = psycopg.connect(address, connect_timeout=CONNECT_S, autocommit=True)
         except psycopg.Error as error:
@@ -52,6 +52,8 @@ class PostgresqlLedger(Ledger):
         threading.Thread(target=self._watch, daemon=True, name="ledger").start()
         try:
             self._check_server()
+            if not create:
+                refuse_none(self.version, self._name)
             self._migrate(scripts("postgresql", migrations))
         except psycopg.Error as error:
             self.close()
@@ -128,6 +130,12 @@ class PostgresqlLedger(Ledger):
         finally:
             self._asked_s = None
 
+    @contextmanager
+    def reading(self) -> Iterator[None]:
+        """Run a block of reads as one transaction."""
+        with self.transaction():
+            yield
+
     def _watch(self) -> None:
         """Close the connection if a statement is not answered: the waiting caller then gets an error.
 
@@ -158,10 +166,6 @@ class PostgresqlLedger(Ledger):
     def close(self) -> None:
         """Close the connection."""
         self._connection.close()
-
-
-def _without_password(address: str) -> str:
-    return re.sub(r"(://[^:/@]*):[^@]*@", r"\1@", address)
 
 
 def _said(error: Exception) -> str:

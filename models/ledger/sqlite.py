@@ -11,8 +11,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from skyway.models.base.errors import InputError
-from skyway.models.ledger.ledger import Ledger, LedgerError, TakenError
-from skyway.models.ledger.migrating import FOLDER, missing, scripts
+from skyway.models.ledger.ledger import WAIT_S, Ledger, LedgerError, TakenError
+from skyway.models.ledger.migrating import FOLDER, missing, refuse_none, scripts
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -25,8 +25,6 @@ LOG_BYTES = 40_000_000
 """Size of the log at which it is copied into the file, which waits for the disk."""
 LOG_WAIT_S = 1.0
 """How long the copy waits for a time without transactions."""
-BUSY_S = 60.0
-"""How long a transaction waits for those of others."""
 RETRY_S, RETRY_GROWTH, MAX_RETRY_S = 0.004, 1.2, 0.016
 """Longest time between the first two attempts to begin one, its growth factor, and its limit: frequent attempts take processor time from the
 process that is waited for, if processors are few."""
@@ -38,30 +36,34 @@ class SqliteLedger(Ledger):
     NOW = "CAST((julianday('now') - 2440587.5) * 86400000.0 AS INTEGER) * 1000"
     LOCK = SHARE = ""  # a writer has exclusive access
 
-    def __init__(self, path: Path, *, migrations: Path = FOLDER) -> None:
+    def __init__(self, path: Path, *, migrations: Path = FOLDER, create: bool = True, wait_s: float = WAIT_S) -> None:
         super().__init__()
-        self._name = str(path)
+        self._name, self._wait_s = str(path), wait_s
         self._log, self._log_limit = Path(f"{path}-wal"), LOG_BYTES
         if not path.parent.is_dir():
             raise InputError("no such folder", str(path.parent), remedy="create it first")
         try:
-            self._connection = sqlite3.connect(path, timeout=BUSY_S, isolation_level=None, check_same_thread=False)
-            self._open(scripts("sqlite", migrations))
+            self._connection = sqlite3.connect(path, timeout=wait_s, isolation_level=None, check_same_thread=False)
+            self._open(scripts("sqlite", migrations), create=create)
         except sqlite3.Error as error:
             with suppress(AttributeError):
                 self._connection.close()
+            if "locked" in str(error):
+                raise self._refused(error) from error
             raise InputError(f"cannot be used as a ledger: {error}", self._name) from error
         except BaseException:
             self._connection.close()
             raise
 
-    def _open(self, known: list[str]) -> None:
+    def _open(self, known: list[str], *, create: bool) -> None:
         run = self._connection.execute
         mark, version = run("PRAGMA application_id").fetchone()[0], run("PRAGMA user_version").fetchone()[0]
         if mark not in (0, APPLICATION) or (
             mark == 0 and run("SELECT COUNT(*) FROM sqlite_master").fetchone()[0] and not version
         ):
             raise InputError("is a database, but no ledger", self._name, remedy="name another file")
+        if not create:
+            refuse_none(version, self._name)
         run("PRAGMA journal_mode = WAL")
         run("PRAGMA synchronous = NORMAL")  # a killed process loses nothing; a power failure may lose the latest data
         run("PRAGMA wal_autocheckpoint = 0")  # `_put_log_away` does it
@@ -88,12 +90,23 @@ class SqliteLedger(Ledger):
     @contextmanager
     def transaction(self) -> Iterator[None]:
         """Run a block as one transaction."""
+        with self._block("BEGIN IMMEDIATE"):
+            yield
+        self._put_log_away()
+
+    @contextmanager
+    def reading(self) -> Iterator[None]:
+        """Run a block of reads on one state: the last that was committed, so it need not wait for a writer."""
+        with self._block("BEGIN", "SELECT COUNT(*) FROM sqlite_master"):
+            yield
+
+    @contextmanager
+    def _block(self, *begin: str) -> Iterator[None]:
         pads = dict(self._pads)
         try:
-            self._begin()
+            self._begin(begin)
             yield
             self._connection.execute("COMMIT")
-            self._put_log_away()
         except BaseException as error:
             self._pads = pads
             with suppress(sqlite3.Error):
@@ -102,19 +115,30 @@ class SqliteLedger(Ledger):
             if isinstance(error, sqlite3.IntegrityError) and ("taken" in str(error) or "pad_key" in str(error)):
                 raise TakenError from None
             if isinstance(error, sqlite3.Error):
-                raise LedgerError(f"the ledger {self._name} refuses: {error}") from error
+                raise self._refused(error) from error
             raise
 
-    def _begin(self) -> None:
-        """Begin a transaction as soon as no other process writes.
+    def _refused(self, error: sqlite3.Error) -> LedgerError:
+        if "locked" not in str(error):
+            return LedgerError(f"the ledger {self._name} refuses: {error}")
+        remedy = "try again, or end the process that has the file open for writing"
+        return LedgerError(
+            f"the ledger {self._name} is locked: another process has been writing to it for {self._wait_s:g} s; {remedy}"
+        )
+
+    def _begin(self, statements: Sequence[str]) -> None:
+        """Begin a transaction as soon as no other process prevents it.
 
         SQLite's own waiting sleeps up to 0.1 s at a time, enough for hundreds of other bookings.
         """
-        end, longest_s = time.monotonic() + BUSY_S, RETRY_S
+        end, longest_s = time.monotonic() + self._wait_s, RETRY_S
         while True:
             try:
-                self._connection.execute("BEGIN IMMEDIATE")
+                for one in statements:
+                    self._connection.execute(one)
             except sqlite3.OperationalError as error:
+                if self._connection.in_transaction:
+                    self._connection.execute("ROLLBACK")
                 if "locked" not in str(error) or time.monotonic() >= end:
                     raise
                 time.sleep(longest_s * random.random())  # noqa: S311  no secret

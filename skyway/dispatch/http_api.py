@@ -26,6 +26,7 @@ from skyway.dispatch.requests import (
 from skyway.dispatch.status import document_of, order_document, prometheus, status_of
 from skyway.models.base.errors import InputError, SkywayError
 from skyway.models.ledger.desk import Desk
+from skyway.models.ledger.ledger import LedgerError
 from skyway.models.ledger.opening import open_ledger
 from skyway.models.orders.files import order_of
 from skyway.models.orders.order import Order  # noqa: TC001  FastAPI reads the annotation
@@ -37,6 +38,8 @@ TOKEN = "SKYWAY_TOKEN"  # noqa: S105  the name of a variable
 LOOPBACK = frozenset({"127.0.0.1", "localhost", "::1"})
 MAX_BODY = 100_000
 WALL_S = 10.0
+LEDGER_WAIT_S = 5.0
+"""How long a request waits for a ledger that another process writes to."""
 SCHEMAS = "#/components/schemas/{model}"
 
 
@@ -95,7 +98,7 @@ def application(ledger: str, dispatcher: str, *, token: str | None = None) -> Fa
     refused: dict[int | str, dict[str, Any]] = {422: {"model": Problem}, 404: {"model": Problem}}
 
     def desk() -> Desk:
-        return Desk(open_ledger(ledger), dispatcher)
+        return Desk(open_ledger(ledger, create=False, wait_s=LEDGER_WAIT_S), dispatcher)
 
     @api.middleware("http")
     async def guarded(request: Request, call_next: Callable[[Request], Awaitable[Response]]) -> Response:
@@ -110,7 +113,8 @@ def application(ledger: str, dispatcher: str, *, token: str | None = None) -> Fa
 
     @api.exception_handler(SkywayError)
     async def faulty(_: Request, error: Exception) -> Response:
-        return JSONResponse({"problems": str(error).splitlines()}, 422 if isinstance(error, InputError) else 500)
+        status = 422 if isinstance(error, InputError) else 503 if isinstance(error, LedgerError) else 500
+        return JSONResponse({"problems": str(error).splitlines()}, status)
 
     @api.exception_handler(StarletteHTTPException)
     async def unanswered(_: Request, error: Exception) -> Response:

@@ -20,6 +20,8 @@ AGAIN_S = 0.1
 """Interval of attempts to reach an unavailable database, s of wall time."""
 SHARE = 3.0
 """Number of renewals within the lifetime of a lease."""
+LEAST_WAIT_S = 1.0
+"""Least time that a renewal waits for a locked ledger, s of wall time: longer than a busy one takes for those before it."""
 
 
 class KeptLeases:
@@ -37,8 +39,8 @@ class KeptLeases:
 
     def __init__(self, ledger: str, owner: str, ttl_s: float) -> None:
         self.owner, self.ttl_s = owner, ttl_s
-        self._name = ledger
-        self._ledger = open_ledger(ledger)
+        self._name, self._wait_s = ledger, max(ttl_s / SHARE, LEAST_WAIT_S)
+        self._ledger = open_ledger(ledger, wait_s=self._wait_s)
         self._lock = threading.RLock()
         self._kept: dict[str, Lease] = {}
         self._end = threading.Event()
@@ -116,7 +118,7 @@ class KeptLeases:
 
     def _reopen(self) -> None:
         try:
-            fresh = open_ledger(self._name)
+            fresh = open_ledger(self._name, create=False, wait_s=self._wait_s)
         except SkywayError:
             return
         self._ledger.close()

@@ -22,6 +22,7 @@ from skyway.dispatch.simulation import ADDRESS, claim_folder
 from skyway.dispatch.worker import worker_name
 from skyway.flights.starting import start
 from skyway.models.base.errors import InputError, LinkLostError, SkywayError
+from skyway.models.ledger.address import without_password
 from skyway.models.ledger.desk import Desk, Entry
 from skyway.models.ledger.ledger import FencedError, LedgerError, TakenError, VersionError
 from skyway.models.ledger.opening import open_ledger
@@ -166,7 +167,7 @@ class Service:
         if not o.fleet:
             raise InputError("a service without drones", field="--fleet", remedy="give a file of drones")
         record = ServiceRecord(
-            begin_s=o.begin_s, folder=str(o.folder.resolve()), ledger=o.ledger, scenario=o.scenario, wind=o.wind, actual_wind=o.actual_wind,
+            begin_s=o.begin_s, folder=str(o.folder.resolve()), ledger=without_password(o.ledger), scenario=o.scenario, wind=o.wind, actual_wind=o.actual_wind,
             reserve=o.reserve, workers=o.workers, ttl_s=o.ttl_s, settings=list(o.settings), seed=o.seed, strangers=o.strangers,
         )  # fmt: skip
         region = self._region = Region(record)
@@ -204,7 +205,7 @@ class Service:
         folder = Path(record.folder)
         address = folder / ADDRESS
         address.unlink(missing_ok=True)
-        words = ["dispatch", "world", "--ledger", record.ledger, "--holder", self.options.dispatcher]
+        words = ["dispatch", "world", "--ledger", self.options.ledger, "--holder", self.options.dispatcher]
         process = start(words, folder / "world.out")
         end = time.monotonic() + WORLD_WALL_S
         while not address.exists():
@@ -273,7 +274,7 @@ class Service:
         while True:
             time.sleep(0.5)
             try:
-                fresh = open_ledger(self.options.ledger)
+                fresh = open_ledger(self.options.ledger, create=False)
             except SkywayError:
                 continue
             with suppress(SkywayError):
@@ -306,7 +307,7 @@ class Service:
                 "dispatch",
                 "worker",
                 "--ledger",
-                self.record.ledger,
+                self.options.ledger,
                 "--holder",
                 self.options.dispatcher,
                 "--number",

@@ -47,7 +47,7 @@ def claim_folder(folder: Path) -> None:
 
 def simulate(ledger: str, dispatcher: str) -> None:
     """Simulate the world of a service until it is ended; without its processes, until the service has ended, or none has come for long."""
-    with open_ledger(ledger) as book:
+    with open_ledger(ledger, create=False) as book:
         desk = Desk(book, dispatcher)
         found = desk.get("service", "service")
         if found is None:

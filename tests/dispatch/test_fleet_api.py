@@ -1,6 +1,7 @@
 """The HTTP API, the desk commands and the figures of a service, without a dispatcher: everything is on the desk."""
 
 import json
+import sqlite3
 import urllib.error
 import urllib.parse
 import urllib.request
@@ -192,3 +193,17 @@ def test_the_reference_has_every_path_and_every_field_of_the_api(client):
     for name in ("NewOrder", "OrderStatus"):
         fields = described["components"]["schemas"][name]["properties"]
         assert not [one for one in fields if f"`{one}`" not in page], name
+
+
+def test_of_a_locked_ledger_the_status_is_told_and_an_order_is_refused_in_time(client, ledger, monkeypatch):
+    """A backup, or a program that was stopped in the middle, may hold the file for hours."""
+    monkeypatch.setattr("skyway.dispatch.http_api.LEDGER_WAIT_S", 0.05)
+    other = sqlite3.connect(ledger, isolation_level=None)
+    other.execute("BEGIN IMMEDIATE")
+    try:
+        assert client.get("/status")[0] == client.get("/metrics")[0] == 200
+        status, problem = client.post("/orders", ORDER)
+        assert (status, "is locked: another process has been writing to it" in problem) == (503, True)
+    finally:
+        other.close()
+    assert client.post("/orders", ORDER)[0] == 201

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import sqlite3
 from datetime import UTC, datetime, timedelta
 
 import pytest
@@ -18,11 +19,13 @@ from skyway.dispatch.records import (
     written,
 )
 from skyway.models.ledger.desk import Desk
+from skyway.models.ledger.ledger import LedgerError
 from skyway.models.ledger.opening import open_ledger
 from skyway.models.orders.order import Order
 from skyway.web.guard import BROWSER
 from skyway.web.pages.fleet_answer import cancellable
 from skyway.web.preferences import Preferences
+from skyway.web.work import dispatched
 from skyway.web.work.dispatched import told
 from tests.web.browsing import chromium, hold, person
 from tests.web.conftest import ended, served
@@ -95,6 +98,20 @@ def test_orders_that_can_be_cancelled_are_listed_and_those_that_were_asked_for_s
         "o5: bellevue > jacobi, due 15:00, cancellation asked",
     ]
     assert cancellable(told(str(fleet(tmp_path, "ended")), "dispatch"), Preferences()) == []
+
+
+def test_a_locked_ledger_holds_no_process_of_the_page_for_long(tmp_path, monkeypatch):
+    monkeypatch.setattr("skyway.web.work.dispatched.WAIT_S", 0.05)
+    path = fleet(tmp_path)
+    other = sqlite3.connect(path, isolation_level=None)
+    other.execute("BEGIN IMMEDIATE")
+    try:
+        assert len(told(str(path), "dispatch")["orders"]) == 5
+        with pytest.raises(LedgerError, match="is locked: another process has been writing to it"):
+            dispatched.cancel(str(path), "dispatch", "o1", "ana")
+    finally:
+        other.close()
+    assert dispatched.cancel(str(path), "dispatch", "o1", "ana")["told"].startswith("o1: cancellation asked")
 
 
 def test_a_cancellation_is_taken_only_from_a_browser_that_has_opened_the_page(page):

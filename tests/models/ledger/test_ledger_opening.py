@@ -270,3 +270,58 @@ def test_a_client_that_takes_its_time_over_what_it_read_keeps_its_connection(mon
             while time.monotonic() < end:
                 pass
         assert ledger.holds() == []
+
+
+def test_a_locked_file_is_read_and_a_write_names_the_lock_in_time(tmp_path):
+    name = str(tmp_path / "ledger.db")
+    with open_ledger(name) as ledger:
+        ledger.book(ledger.acquire("operator", "process"), "one", [window()])
+    other = sqlite3.connect(name, isolation_level=None)
+    other.execute("BEGIN IMMEDIATE")
+    try:
+        with open_ledger(name, create=False, wait_s=0.05) as ledger:
+            assert [hold.itinerary for hold in ledger.holds()] == ["one"]
+            assert ledger.led("operator")
+            assert audit(ledger) == []
+            with pytest.raises(
+                LedgerError, match=r"is locked: another process has been writing to it for 0\.05 s; try again"
+            ):
+                ledger.acquire("another", "process")
+    finally:
+        other.close()
+
+
+def test_a_read_sees_one_state_while_another_process_writes(tmp_path):
+    with opened("sqlite", tmp_path) as ledger, opened("sqlite", tmp_path) as other:
+        lease = other.acquire("operator", "process")
+        with ledger.reading():
+            before = ledger.rows("SELECT COUNT(*) FROM booking")
+            other.book(lease, "one", [window()])
+            assert ledger.rows("SELECT COUNT(*) FROM booking") == before == [(0,)]
+        assert len(ledger.holds()) == 1
+
+
+@pytest.mark.parametrize("store", ["sqlite", "postgresql"])
+def test_reading_a_database_without_a_ledger_creates_none(store, tmp_path):
+    name = str(tmp_path / "ledger.db") if store == "sqlite" else postgresql_name()
+    (tmp_path / "ledger.db").touch()
+    with pytest.raises(InputError, match="has no ledger; name the ledger of a running dispatcher"):
+        open_ledger(name, create=False)
+    assert (tmp_path / "ledger.db").read_bytes() == b""
+    with pytest.raises(InputError, match="has no ledger"):
+        open_ledger(name, create=False)
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        "postgresql://me:sec@ret@host/ledger", "postgresql://me:sec/ret@host/ledger", "postgresql://me:sec#ret@host/ledger", "POSTGRESQL://me:secret@host/ledger",
+        "postgresql://me@host.invalid/ledger?password=secret&connect_timeout=1",
+    ],
+)  # fmt: skip
+def test_no_part_of_a_password_is_told(name):
+    with pytest.raises((InputError, LedgerError)) as caught:
+        open_ledger(name)
+    assert "sec" not in str(caught.value)
+    assert "ret" not in str(caught.value)
+    assert "me@host" in str(caught.value)
