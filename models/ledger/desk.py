@@ -13,7 +13,7 @@ from skyway.models.base.errors import InputError, one_line
 from skyway.models.ledger.ledger import FencedError, TakenError, VersionError
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Mapping, Sequence
     from datetime import datetime
 
     from skyway.models.ledger.ledger import Lease, Ledger
@@ -80,21 +80,29 @@ class Desk:
 
     def put_down(self, kind: Kind, id: str, state: str, document: str) -> Entry:  # noqa: A002
         """Add a new entry to the desk: any process may, under an unused id. Raises an `InputError` otherwise."""
-        _check(kind, id, document)
-        entry = Entry(kind, id, 1, state, self.dispatcher, document)
+        return self.put_down_all(kind, state, {id: document})[0]
+
+    def put_down_all(self, kind: Kind, state: str, documents: Mapping[str, str]) -> list[Entry]:
+        """Add new entries to the desk by their ids, all or none, as `put_down` does."""
+        entries = [Entry(kind, id_, 1, state, self.dispatcher, document) for id_, document in documents.items()]
+        for one in entries:
+            _check(kind, one.id, one.document)
+        known = f"SELECT version FROM desk WHERE dispatcher = ? AND kind = ? AND id = ? {self.ledger.LOCK}"
         try:
             with self.ledger.transaction():
-                if self.ledger.rows(f"SELECT version FROM desk WHERE dispatcher = ? AND kind = ? AND id = ? {self.ledger.LOCK}", (self.dispatcher, kind, id)):  # fmt: skip
-                    raise InputError(
-                        f"there is {_article(kind)} of this id already",
-                        field="id",
-                        value=id,
-                        remedy="give it another id",
-                    )
-                self._insert(entry, 0)
+                for one in entries:
+                    if self.ledger.rows(known, (self.dispatcher, kind, one.id)):
+                        raise InputError(
+                            f"there is {_article(kind)} of this id already",
+                            field="id",
+                            value=one.id,
+                            remedy="give it another id",
+                        )
+                    self._insert(one, 0)
         except TakenError:
-            raise InputError(f"there is {_article(kind)} of this id already", field="id", value=id) from None
-        return entry
+            taken = ", ".join(list(documents)[:5])
+            raise InputError(f"there is {_article(kind)} of this id already", field="id", value=taken) from None
+        return entries
 
     def put(self, lease: Lease, entries: Sequence[Entry]) -> list[Entry]:
         """Write entries, all or none; of version 0 they are new, else their version must be the newest.

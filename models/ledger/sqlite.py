@@ -50,7 +50,7 @@ class SqliteLedger(Ledger):
                 self._connection.close()
             if "locked" in str(error):
                 raise self._refused(error) from error
-            raise InputError(f"cannot be used as a ledger: {error}", self._name) from error
+            raise InputError(f"cannot be used as a ledger: {error}", self._name, remedy=_remedy(path, error)) from error
         except BaseException:
             self._connection.close()
             raise
@@ -196,6 +196,15 @@ class SqliteLedger(Ledger):
     def close(self) -> None:
         """Close the connection."""
         self._connection.close()
+
+
+def _remedy(path: Path, error: sqlite3.Error) -> str:
+    """Return what to do about a file that cannot be opened: SQLite does not say why."""
+    if path.is_dir():
+        return "it is a folder: name a file in it"
+    if "unable to open" in str(error) or "readonly" in str(error):
+        return "file and folder must be writable, also to read it: copy it to a folder that is"
+    return ""
 
 
 def _statements(sql: str) -> Iterator[str]:

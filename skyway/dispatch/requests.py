@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import math
 from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -48,7 +49,28 @@ def refuse_ended(service: Entry | None) -> None:
 
 def put_order(desk: Desk, order: Order) -> None:
     """Add an order to a desk; an `InputError` if its id exists already."""
-    desk.put_down("order", order.id, "new", written(OrderRecord(order=order, place=order.origin)))
+    put_orders(desk, (order,))
+
+
+def put_orders(desk: Desk, orders: Sequence[Order]) -> None:
+    """Add orders to a desk, all or none; an `InputError` if one of the ids exists already."""
+    desk.put_down_all("order", "new", {one.id: written(OrderRecord(order=one, place=one.origin)) for one in orders})
+
+
+class Arrivals:
+    """Initial orders of a service: all arrive at its beginning or, with a notice, each that long before it is ready, s."""
+
+    def __init__(self, orders: Sequence[Order], notice_s: float | None) -> None:
+        self.coming = sorted(orders, key=lambda one: one.ready)
+        """Orders that are not on the desk yet."""
+        self._notice_s = math.inf if notice_s is None else notice_s
+
+    def put_down(self, desk: Desk, now_s: float) -> None:
+        """Add the orders that have arrived, all or none; a service that was started again has some of them already."""
+        arrived = [one for one in self.coming if one.ready.timestamp() - self._notice_s <= now_s]
+        if arrived:
+            put_orders(desk, [one for one in arrived if desk.get("order", one.id) is None])
+            self.coming = self.coming[len(arrived) :]
 
 
 class NotCancelledError(InputError):
@@ -56,11 +78,10 @@ class NotCancelledError(InputError):
 
 
 def give_orders(desk: Desk, orders: Sequence[Order]) -> None:
-    """Give orders to a dispatcher, all or none if one is wrong."""
+    """Give orders to a dispatcher, all or none."""
     refuse_ended(desk.get("service", "service"))
     check_orders(desk, orders)
-    for one in orders:
-        put_order(desk, one)
+    put_orders(desk, orders)
 
 
 def check_orders(desk: Desk, orders: Sequence[Order]) -> None:

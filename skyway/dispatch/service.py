@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import math
 import os
 import socket
 import time
-from collections import deque
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -17,7 +15,7 @@ from skyway.dispatch.dispatcher.dispatcher import Dispatcher
 from skyway.dispatch.leases import KeptLeases
 from skyway.dispatch.records import DroneRecord, ServiceRecord, read, written
 from skyway.dispatch.region import Region
-from skyway.dispatch.requests import put_order, refuse_ended
+from skyway.dispatch.requests import Arrivals, refuse_ended
 from skyway.dispatch.simulation import ADDRESS, claim_folder
 from skyway.dispatch.worker import worker_name
 from skyway.flights.starting import start
@@ -92,16 +90,9 @@ class Service:
         except BaseException:
             self._leases.close()  # the next attempt need not wait for its end
             raise
-        self._coming = deque(sorted(options.orders, key=lambda one: one.ready))
-        self._take_orders(self.record.begin_s if options.notice_s is not None else math.inf)
+        self._arrivals = Arrivals(options.orders, options.notice_s)
+        self._arrivals.put_down(self._desk, self.record.begin_s)
         self.dispatcher = self._dispatcher()
-
-    def _take_orders(self, now_s: float) -> None:
-        """Add the orders that have arrived."""
-        while self._coming and self._coming[0].ready.timestamp() - (self.options.notice_s or 0.0) <= now_s:
-            order = self._coming.popleft()
-            if self._desk.get("order", order.id) is None:  # restarted with the same file: the order exists already
-                put_order(self._desk, order)
 
     def _take_lease(self) -> None:
         """Take the lease of the dispatcher; that of a killed one must first expire."""
@@ -253,7 +244,7 @@ class Service:
         """Do the due work; wait for an unavailable database, and reconnect."""
         while True:
             try:
-                self._take_orders(now_s)
+                self._arrivals.put_down(self._desk, now_s)
                 self.dispatcher.step(now_s)
             except (TakenError, VersionError) as error:
                 self._say(f"replanned: {error}")
@@ -280,15 +271,16 @@ class Service:
             with suppress(SkywayError):
                 self._desk.ledger.close()
             self._desk = Desk(fresh, self.options.dispatcher)
-            self._take_lease()
-            self.dispatcher = self._dispatcher()
-            return
+            with suppress(LedgerError):  # such as a full disk, or a server that only reads
+                self._take_lease()
+                self.dispatcher = self._dispatcher()
+                return
 
     def _over(self, now_s: float) -> bool:
         lasts_s = self.options.lasts_s
         if lasts_s is not None and now_s >= self.record.begin_s + lasts_s:
             return True
-        if lasts_s is not None or self._coming or self.dispatcher.busy:
+        if lasts_s is not None or self._arrivals.coming or self.dispatcher.busy:
             return False
         try:
             return not self._desk.count("order", ("new", "promised", "under way", "aboard"))

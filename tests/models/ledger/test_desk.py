@@ -55,6 +55,9 @@ def test_anybody_puts_new_things_down_once_and_the_history_stays(desk):
     desk.put_down("order", "o", "new", "{}")
     with pytest.raises(InputError, match="an order of this id already"):
         desk.put_down("order", "o", "new", "{}")
+    with pytest.raises(InputError, match=r"an order of this id already \(got 'o'\)"):
+        desk.put_down_all("order", "new", {"n": "{}", "o": "{}"})
+    assert desk.get("order", "n") is None
     lease = desk.ledger.acquire("d", "here")
     desk.put(lease, [replace(desk.get("order", "o"), state="refused")])
     assert [one.state for _, _, one in desk.history("order", "o")] == ["new", "refused"]

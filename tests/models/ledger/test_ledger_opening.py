@@ -115,7 +115,7 @@ def test_what_is_no_ledger_is_refused(tmp_path):
         str(tmp_path / "text.db"): "cannot be used as a ledger: file is not a database",
         str(tmp_path / "other.db"): "is a database, but no ledger",
         str(tmp_path / "no" / "ledger.db"): "no such folder",
-        str(tmp_path): "cannot be used as a ledger",
+        str(tmp_path): "cannot be used as a ledger: .*; it is a folder: name a file in it",
         "mysql://host/base": "is not a ledger",
     }.items():
         with pytest.raises(InputError, match=said) as caught:
