@@ -21,6 +21,10 @@ def alarms(status: Status) -> list[str]:
     found = []
     if running and not status.led:
         found.append("no dispatcher runs: start skyway dispatch run again with the same ledger")
+    if not running and not status.led and any(state in OPEN for state, _ in status.orders.values()):
+        found.append(
+            "the dispatcher died before it closed all orders: start skyway dispatch run again with the same ledger"
+        )
     for name, (state, drone) in status.drones.items():
         if state == "lost":
             found.append(f"{name} is lost, a person must check it: {drone.reason}")

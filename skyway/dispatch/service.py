@@ -13,10 +13,11 @@ from typing import TYPE_CHECKING
 from skyway.calibration_flight import drag_of
 from skyway.dispatch.dispatcher.dispatcher import Dispatcher
 from skyway.dispatch.leases import KeptLeases
-from skyway.dispatch.records import DroneRecord, ServiceRecord, read, written
+from skyway.dispatch.records import ACTIVE, OPEN, Board, DroneRecord, End, FlightRecord, ServiceRecord, read, written
 from skyway.dispatch.region import Region
 from skyway.dispatch.requests import Arrivals, refuse_ended
 from skyway.dispatch.simulation import ADDRESS, claim_folder
+from skyway.dispatch.status import status_of
 from skyway.dispatch.worker import worker_name
 from skyway.flights.starting import start
 from skyway.models.base.errors import InputError, LinkLostError, SkywayError
@@ -84,6 +85,7 @@ class Service:
         self._workers: dict[int, subprocess.Popen[bytes]] = {}
         self._world: LockstepClient | None = None
         self._region: Region | None = None
+        self._ended = False
         try:
             self._take_lease()
             self.record = self._begun() or self._begin()
@@ -146,12 +148,23 @@ class Service:
         found = self._desk.get("service", "service")
         if found is None:
             return None
-        refuse_ended(found)
         record = read(found, ServiceRecord)
+        self._ended = found.state == "ended"
+        if self._ended:
+            if not self._unfinished():
+                refuse_ended(found)
+            self._say(f"the service of {self.options.dispatcher} has ended: closing its flights, orders and bookings")
+            return record
         if not record.world:
             record = self._with_world(found, record)
         self._say(f"resuming the service of {self.options.dispatcher}: nothing is lost")
         return record
+
+    def _unfinished(self) -> bool:
+        """Say whether a service that has ended has anything left to close: its dispatcher was killed meanwhile."""
+        desk = self._desk
+        left = desk.count("order", OPEN) or desk.count("flight", (*ACTIVE, "ended"))
+        return bool(left) or any(one.holder == desk.dispatcher for one in desk.ledger.holds())
 
     def _begin(self) -> ServiceRecord:
         o = self.options
@@ -213,7 +226,10 @@ class Service:
     # Running
 
     def run(self) -> None:
-        """Run to the end of the service."""
+        """Run to the end of the service; of one that has ended, close what is left."""
+        if self._ended:
+            self._finish()
+            return
         self._world = world = self._join_world()
         self.dispatcher = self._dispatcher()
         try:
@@ -227,6 +243,33 @@ class Service:
                 if self._over(now_s):
                     break
                 world.sleep_until(world.now_s() + EVERY_S)
+            self._end(world)
+        finally:
+            world.close()
+            self._leases.close()
+
+    def _finish(self) -> None:
+        """Wait for the flights of a service that has ended, and close its orders; drones that still flew when their world ended are gone."""
+        try:
+            world = self._world = LockstepClient(self.record.world, self.options.dispatcher, grace_s=GRACE_S)
+        except LinkLostError:
+            now_s, board = status_of(self._desk).now_s, Board(self._desk)
+            for name, (_, flight) in board.read("flight", FlightRecord, ACTIVE).items():
+                flight.end = End(
+                    at_s=now_s,
+                    state="not supervised",
+                    reason="the simulated world has ended",
+                    station=None,
+                    soc=None,
+                    arrived=False,
+                )
+                board.change("flight", name, "ended", flight)
+            board.write(self._lease)
+            self.dispatcher.close_orders(now_s)
+            self._leases.close()
+            return
+        self.dispatcher = self._dispatcher()
+        try:
             self._end(world)
         finally:
             world.close()
@@ -283,7 +326,7 @@ class Service:
         if lasts_s is not None or self._arrivals.coming or self.dispatcher.busy:
             return False
         try:
-            return not self._desk.count("order", ("new", "promised", "under way", "aboard"))
+            return not self._desk.count("order", OPEN)
         except LedgerError:  # the next step waits for the database
             return False
 
@@ -313,11 +356,22 @@ class Service:
         if self._leases.kept(self.options.dispatcher) is None:
             self._take_again(FencedError("the lease of the dispatcher is lost"))
         self.dispatcher.end_idle_charges(world.posix_s())
-        if found is not None:
+        if found is not None and found.state != "ended":
             self._desk.put(
                 self._lease, [Entry("service", "service", found.version, "ended", found.keeper, found.document)]
             )
-        while any(one.poll() is None for one in self._workers.values()):
+        while self._flying():
             world.sleep_until(world.now_s() + EVERY_S)
         self.dispatcher.close_orders(world.posix_s())
         world.order("end")
+
+    def _flying(self) -> bool:
+        """Say whether a flight of the service that has ended is under way; workers that have died are replaced."""
+        try:
+            if self._desk.count("flight", ACTIVE):
+                self._tend_workers()
+        except LedgerError as error:
+            self._say(f"{error}; waiting for it")
+            self._reopen()
+            return True
+        return any(one.poll() is None for one in self._workers.values())

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from skyway import typed_values
-from skyway.dispatch.records import DroneRecord, ServiceRecord, read
+from skyway.dispatch.records import ACTIVE, DroneRecord, ServiceRecord, read
 from skyway.dispatch.region import Region
 from skyway.models.base.errors import InputError, SkywayError
 from skyway.models.base.files import file_error, write_atomically
@@ -68,12 +68,14 @@ def simulate(ledger: str, dispatcher: str) -> None:
 
 
 def _has_ended(ledger: str, dispatcher: str) -> bool:
+    """Whether the service has ended, and all its flights."""
     try:
         with open_ledger(ledger, create=False) as book:
-            found = Desk(book, dispatcher).get("service", "service")
+            desk = Desk(book, dispatcher)
+            found, flies = desk.get("service", "service"), desk.count("flight", ACTIVE)
     except SkywayError:
         return False  # the database is unavailable: the service may go on
-    return found is not None and found.state == "ended"
+    return found is not None and found.state == "ended" and not flies
 
 
 def build(service: ServiceRecord, drones: list[DroneRecord], *, log: object = None) -> World:

@@ -53,7 +53,7 @@ class Status:
     flights: dict[str, tuple[str, FlightRecord]]
     """Flights that are not over."""
     pads: dict[str, tuple[str, PadRecord]]
-    """Pads out of order."""
+    """Pads that are out of order, or will be."""
     changes: dict[str, tuple[str, ChangeRecord]]
     holds: list[Hold]
     workers: dict[str, bool]
@@ -111,9 +111,13 @@ def status_of(desk: Desk) -> Status:
     names = [worker_name(desk.dispatcher, number) for number in range(1, service.workers + 1)]
     return Status(
         dispatcher=desk.dispatcher, state=found.state, led=desk.ledger.led(desk.dispatcher), now_s=max(times_s),
-        service=service, orders=orders, drones=drones, flights=flights, pads=_sorted(board.pads_out()),
+        service=service, orders=orders, drones=drones, flights=flights, pads=_sorted(_not_over(board.pads_out(), max(times_s))),
         changes=changes, holds=desk.ledger.holds(), workers={one: desk.ledger.led(one) for one in names},
     )  # fmt: skip
+
+
+def _not_over(pads: dict[str, tuple[str, PadRecord]], now_s: float) -> dict[str, tuple[str, PadRecord]]:
+    return {name: (state, one) for name, (state, one) in pads.items() if one.until_s > now_s}
 
 
 def _sorted(found: dict[str, T]) -> dict[str, T]:
@@ -225,6 +229,7 @@ def prometheus(status: Status) -> str:
         lines.extend(f"skyway_{name}{label} {value:g}" for label, value in values.items())
 
     late = status.lateness_s
+    out = {(one.station, one.pad) for _, one in status.pads.values() if one.from_s <= status.now_s}
     late_by = [one.late_s for _, one in status.flights.values()]
     soc = {_label("drone", name): one.soc for name, (_, one) in status.drones.items()}
     booked: dict[str, float] = {}
@@ -245,7 +250,7 @@ def prometheus(status: Status) -> str:
         {"": max(late_by, default=0.0)},
     )
     family("pads_booked", "gauge", "Windows that are booked, by station.", booked)
-    family("pads_out_of_order", "gauge", "Pads that are out of order.", {"": len(status.pads)})
+    family("pads_out_of_order", "gauge", "Pads that are out of order.", {"": len(out)})
     workers = {_label("worker", name): float(alive) for name, alive in status.workers.items()}
     family("worker_up", "gauge", "Whether the lease of a worker is held.", workers)
     family("dispatcher_up", "gauge", "Whether the lease of the dispatcher is held.", {"": float(status.led)})

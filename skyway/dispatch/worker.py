@@ -89,7 +89,17 @@ class Worker:
         if self._flights:
             return False
         found = self._entry("service", "service")
-        return (found is not None and found.state == "ended") or self._left_alone()
+        if found is not None and found.state == "ended":
+            return not self._under_way()
+        return self._left_alone()
+
+    def _under_way(self) -> bool:
+        """Whether a flight is under way, perhaps of a worker that has died."""
+        with self._lock:
+            try:
+                return bool(self._desk.count("flight", ACTIVE))
+            except SkywayError:
+                return True  # the database is unavailable
 
     def _left_alone(self) -> bool:
         """Whether there has been no dispatcher for long: the next one starts new workers."""

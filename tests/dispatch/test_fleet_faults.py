@@ -32,6 +32,23 @@ def test_a_dispatcher_that_is_killed_loses_nothing(tmp_path):
     assert "resuming the service" in run.said()
 
 
+def test_a_dispatcher_and_its_worker_killed_after_the_end_of_the_service_leave_nothing_open(tmp_path):
+    run = FleetRun(tmp_path, ORDERS, FLEET, "--hours", "0.12")
+    try:
+        run.start()
+        run.look(lambda desk: desk.get("service", "service").state == "ended" and flying(desk))
+        for pid in (run.process.pid, *run.workers()):
+            os.kill(pid, signal.SIGKILL)
+        run.process.wait()
+        run.start(orders=False)
+        run.wait()
+    finally:
+        run.stop()
+    status = nothing_is_forgotten(run)
+    assert "delivered" in {state for state, _ in status.orders.values()}, run.said()
+    assert "has ended: closing its flights" in run.said()
+
+
 def test_a_lost_drone_is_left_to_a_person_and_its_other_orders_are_planned_anew(tmp_path):
     run = FleetRun(tmp_path, ORDERS, FLEET)
     try:

@@ -1,5 +1,6 @@
 """What the status of a service says: its time, and what its drones do."""
 
+import json
 from dataclasses import replace
 from datetime import timedelta
 
@@ -19,6 +20,7 @@ from skyway.dispatch.records import (
     End,
     FlightRecord,
     OrderRecord,
+    PadRecord,
     PlannedPart,
     PlanStep,
     Progress,
@@ -81,6 +83,19 @@ def test_a_pad_of_a_service_that_has_ended_is_not_closed(desk, tmp_path, capsys)
     assert main(words) == 2
     assert "--holder: the service of this name has ended (got 'dispatch')" in capsys.readouterr().err
     assert desk.count("pad") == 0
+
+
+def test_a_closure_that_is_over_or_has_not_begun_is_no_pad_out_of_order(desk, tmp_path, capsys):
+    put_service(desk, tmp_path)
+    for pad, from_min, until_min in ((1, -60, -1), (2, -60, 60), (2, -30, 30), (3, 30, 60)):
+        closed = PadRecord(
+            station="bellevue", pad=pad, from_s=BEGIN_S + 60.0 * from_min, until_s=BEGIN_S + 60.0 * until_min
+        )
+        desk.put_down("pad", f"bellevue {pad} {until_min}", "out", written(closed))
+    assert main(["dispatch", "status", "--ledger", str(tmp_path / "ledger.db"), "--prometheus"]) == 0
+    assert "\nskyway_pads_out_of_order 1\n" in capsys.readouterr().out
+    assert main(["dispatch", "status", "--ledger", str(tmp_path / "ledger.db"), "--json"]) == 0
+    assert sorted(one["pad"] for one in json.loads(capsys.readouterr().out)["out_of_order"]) == [2, 2, 3]
 
 
 def test_a_drone_that_charges_does_not_fly_and_what_it_does_next_tells_pick_up_from_delivery(desk, tmp_path, capsys):
