@@ -26,6 +26,8 @@ MAX_CLOCK_OFFSET_S = 30.0
 CONNECT_S = 10
 ANSWER_S = 15.0
 """A server that has not answered for this long is considered lost: on a broken network the wait would take minutes."""
+LOCK_S = 10.0
+"""Longest wait for a lock that another session has: less than `ANSWER_S`, so that the error says so."""
 LOOK_S = 1.0
 MIGRATING = 0x5C79_1ED6
 """Advisory lock of migrations."""
@@ -49,12 +51,14 @@ class PostgresqlLedger(Ledger):
         except psycopg.Error as error:
             raise LedgerError(one_line(f"the ledger {self._name} cannot be reached: {error}")) from error
         self._asked_s: float | None = None
+        self._silent = False
         threading.Thread(target=self._watch, daemon=True, name="ledger").start()
         try:
             self._check_server()
             if not create:
                 refuse_none(self.version, self._name)
             self._migrate(scripts("postgresql", migrations))
+            self._connection.execute(f"SET lock_timeout = {round(1000 * LOCK_S)}")
         except psycopg.Error as error:
             self.close()
             raise InputError(f"cannot be used as a ledger: {_said(error)}", self._name) from error
@@ -118,8 +122,19 @@ class PostgresqlLedger(Ledger):
         except (errors.ExclusionViolation, errors.DeadlockDetected, errors.UniqueViolation):
             self._pads = pads
             raise TakenError from None
+        except errors.LockNotAvailable as error:
+            self._pads = pads
+            problem = (
+                f"is locked: another session has had a lock for {LOCK_S:g} s; try again, or end that session (pg_locks)"
+            )
+            raise LedgerError(f"the ledger {self._name} {problem}") from error
         except self._psycopg.OperationalError as error:
             self._pads = pads
+            if self._silent:
+                problem = (
+                    f"has not answered for {ANSWER_S:g} s: its server is overloaded or stopped, or the network is cut"
+                )
+                raise LedgerError(f"the ledger {self._name} {problem}") from error
             raise LedgerError(f"the ledger {self._name} went away: {_said(error)}") from error
         except self._psycopg.Error as error:
             self._pads = pads
@@ -148,6 +163,7 @@ class PostgresqlLedger(Ledger):
                     suppress(OSError, self._psycopg.Error),
                     socket.socket(fileno=os.dup(self._connection.fileno())) as same,
                 ):
+                    self._silent = True
                     same.shutdown(socket.SHUT_RDWR)
                 return
             time.sleep(LOOK_S)

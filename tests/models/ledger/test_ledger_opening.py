@@ -291,6 +291,19 @@ def test_a_locked_file_is_read_and_a_write_names_the_lock_in_time(tmp_path):
         other.close()
 
 
+def test_a_lock_of_another_session_is_named_and_the_connection_goes_on(monkeypatch):
+    import psycopg
+
+    monkeypatch.setattr(postgresql, "LOCK_S", 0.1)
+    name = postgresql_name()
+    with open_ledger(name) as ledger:
+        with psycopg.connect(name) as other:
+            other.execute("LOCK TABLE lease")
+            with pytest.raises(LedgerError, match=r"is locked: another session has had a lock for 0\.1 s; try again"):
+                ledger.acquire("operator", "process")
+        assert ledger.acquire("operator", "process").token == 1
+
+
 def test_a_read_sees_one_state_while_another_process_writes(tmp_path):
     with opened("sqlite", tmp_path) as ledger, opened("sqlite", tmp_path) as other:
         lease = other.acquire("operator", "process")
