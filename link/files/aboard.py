@@ -91,7 +91,9 @@ class LogStore:
         self._listed = True
         if not listed.complete:
             reasons = self.vehicle.texts()[-1:] if self.vehicle.armed else []
-            raise VehicleTimeoutError(" ".join([f"list of its logs ({len(listed.found)} came)", *reasons]), 8.0)
+            raise VehicleTimeoutError(
+                " ".join([f"list of its logs ({len(listed.found)} came)", *reasons]), self.vehicle.waited_s
+            )
         ending = self.vehicle.family.log_endings[0]
         return [
             LogAboard(f"{one.number:08}{ending}", one.size_bytes, one.time_utc, number=one.number)

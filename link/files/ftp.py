@@ -88,7 +88,7 @@ class FtpClient:
         )  # fmt: skip
         answer = self.vehicle.carry_out(asked).answer
         if answer is None:
-            raise VehicleTimeoutError(what, give_up_s)
+            raise VehicleTimeoutError(what, self.vehicle.waited_s)
         self.answered = True
         return answer
 

@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, TypeVar
 
 from skyway.link.protocol.command import ACCEPTED, RESULTS, AskFor, Command, Place
 from skyway.link.protocol.parameters import (
-    GIVE_UP_S,
     PARAMETER_ERRORS,
     ListParameters,
     ParameterCheck,
@@ -53,13 +52,20 @@ class AskedVehicle(VehicleMonitor):
         self._asked_version = False
         self.own_names: dict[str, tuple[str, str]] = {}
         """Name and unit of settings, by their key, for firmware that calls them by a name that skyway does not know."""
+        self.waited_s = 0.0
+        """How long the last exchange took, all tries together, s; but for `answers`."""
 
     def _do(self, exchange: E_) -> E_:
+        begun_s = self.connection.clock.now_s()
+        self._perform(exchange)
+        self.waited_s = self.connection.clock.now_s() - begun_s
+        return exchange
+
+    def _perform(self, exchange: Exchange) -> None:
         def steps() -> Steps[None]:
             yield exchange
 
         self._runner.perform(steps())
-        return exchange
 
     def carry_out(self, exchange: E_) -> E_:
         """Carry one exchange with it out, and return it with what came of it."""
@@ -68,7 +74,8 @@ class AskedVehicle(VehicleMonitor):
     def answers(self) -> bool:
         """Ask whether it hears us: any answer to a request that changes nothing will do."""
         asked = Command(self.peer.target, _REQUEST_MESSAGE, _VERSION, give_up_s=_ANSWERS_S)
-        return self._do(asked).result is not None
+        self._perform(asked)
+        return asked.result is not None
 
     def request_telemetry(self, rates_hz: Mapping[int, float] = RATES_HZ) -> tuple[int, ...]:
         """Ask for messages by their ids, or for those that telemetry is made of; returns the ids of those refused.
@@ -83,7 +90,7 @@ class AskedVehicle(VehicleMonitor):
             result = self._do(asked).result
             if result is None:
                 self.rates.want({one: hz for one, hz in wanted.items() if hz > 0.0}, self.connection.clock.now_s())
-                raise VehicleTimeoutError("its telemetry", asked.give_up_s)
+                raise VehicleTimeoutError("its telemetry", self.waited_s)
             if result != ACCEPTED:
                 refused.append(number)
         taken = {number: rate for number, rate in wanted.items() if number not in refused and rate > 0.0}
@@ -100,7 +107,7 @@ class AskedVehicle(VehicleMonitor):
         given = Command(self.peer.target, number, *parameters, place=place)
         result = self._do(given).result
         if result is None:
-            raise VehicleTimeoutError(what, 6.0)
+            raise VehicleTimeoutError(what, self.waited_s)
         if result != ACCEPTED:
             self.connection.run_for(0.2)  # its reasons may come after the answer
             raise CommandRefusedError(what, RESULTS.get(result, f"answer {result}"), self.peer.texts_since(said)[-3:])
@@ -128,7 +135,7 @@ class AskedVehicle(VehicleMonitor):
             return read.found[name]
         if name in read.absent:
             raise ParameterAbsentError((name,))
-        raise VehicleTimeoutError(f"parameter {name}", GIVE_UP_S)
+        raise VehicleTimeoutError(f"parameter {name}", self.waited_s)
 
     def set_parameter(self, name: str, value: float) -> ParameterValue:
         """Set a parameter, and read it back.
@@ -162,7 +169,9 @@ class AskedVehicle(VehicleMonitor):
         for _ in range(_LISTS):
             found = self._do(ListParameters(self.peer.target, bytewise=self._bytewise()))
             if not found.complete:
-                raise VehicleTimeoutError(f"all parameters: {len(found.found)} of {found.total or 'unknown'} came", 8.0)
+                raise VehicleTimeoutError(
+                    f"all parameters: {len(found.found)} of {found.total or 'unknown'} came", self.waited_s
+                )
             now = {value.name: value for value in found.found.values()}
             if found.consistent or now.keys() == before.keys():
                 return now
@@ -179,7 +188,7 @@ class AskedVehicle(VehicleMonitor):
         checks = check_parameters(wanted, {name: found.value for name, found in read.found.items()}, read.absent)
         silent = [check.wanted.name for check in checks if check.actual is None and not check.absent]
         if silent and not self.answers():
-            raise VehicleTimeoutError(f"parameter {', '.join(silent)}", GIVE_UP_S)
+            raise VehicleTimeoutError(f"parameter {', '.join(silent)}", self.waited_s)
         return checks
 
     def read_settings(self, keys: Sequence[str]) -> dict[str, float]:
@@ -191,7 +200,7 @@ class AskedVehicle(VehicleMonitor):
         checks = self.check_required([settings[key].need("read", None, "") for key in keys])
         silent = [check.wanted.name for check in checks if check.actual is None and not check.absent]
         if silent:
-            raise VehicleTimeoutError(f"parameters {', '.join(silent)}", GIVE_UP_S)
+            raise VehicleTimeoutError(f"parameters {', '.join(silent)}", self.waited_s)
         return {c.wanted.key: c.actual / UNITS[c.wanted.unit] for c in checks if c.actual is not None and c.ok}
 
     def refuse_other_supervisor(self) -> None:
@@ -216,7 +225,7 @@ class AskedVehicle(VehicleMonitor):
         if first.absent:
             return
         if first.actual is None:
-            raise VehicleTimeoutError(f"parameter {' or '.join(first.wanted.names)}", GIVE_UP_S)
+            raise VehicleTimeoutError(f"parameter {' or '.join(first.wanted.names)}", self.waited_s)
         ours = self.connection.system
         highest = first.actual if last.actual is None else max(first.actual, last.actual)
         if not first.actual <= ours <= highest:

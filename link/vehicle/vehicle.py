@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from skyway.link.logs.common.vehicle_kind import MAV_KINDS
 from skyway.link.protocol.command import RESULTS, AskFor, Place, SetCurrent
-from skyway.link.protocol.download import GIVE_UP_S, Clear, Download
+from skyway.link.protocol.download import Clear, Download
 from skyway.link.protocol.mission_words import ACCEPTED, MissionKind, in_words
 from skyway.link.protocol.verified import (
     UploadJob,
@@ -285,7 +285,7 @@ class Vehicle(AskedVehicle):
         said = self._do(AskFor(self.peer.target, "HOME_POSITION", 242)).message
         said = said or self.peer.latest.get("HOME_POSITION")
         if said is None:
-            raise VehicleTimeoutError("its home (it may have no position yet)", 6.0)
+            raise VehicleTimeoutError("its home (it may have no position yet)", self.waited_s)
         return Home(said["latitude"] * 1e-7, said["longitude"] * 1e-7, said["altitude"] * 1e-3)
 
     def upload(
@@ -354,7 +354,7 @@ class Vehicle(AskedVehicle):
         if down.lacks:
             raise ListUnsupportedError(f"tell its {kind.word}", down.problem)
         if down.items is None:
-            raise ListUnreadError(kind.word, down.problem, GIVE_UP_S)
+            raise ListUnreadError(kind.word, down.problem, self.waited_s)
         return down.items
 
     def download(self, kind: MissionKind) -> Part:

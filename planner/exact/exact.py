@@ -142,9 +142,8 @@ class ExactSearch(GuidedSearch):
             if until_s >= self._latest_s:
                 break
             until_s = self._longer(until_s)
-            if (
-                self._time_limit_s < math.inf and tries >= self.parameters.near_tries
-            ):  # perhaps no way leads over so few
+            # Perhaps no way leads over so few. A search for the best answer is done sooner with these: its proof looks everywhere.
+            if self._time_limit_s < math.inf and tries >= self.parameters.near_tries:
                 stations *= 2
                 self._near_bound_s = self.problem.depart_s
         if self._answer is not None and near is not None and self._most_labels == math.inf and self._time_is_left:

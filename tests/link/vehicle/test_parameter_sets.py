@@ -11,6 +11,8 @@ from sim_serving import served
 from wires import FAMILIES, Scene, bad_radio
 
 from skyway.cli.main import main
+from skyway.link.files.aboard import LogStore
+from skyway.link.protocol.mission_words import MissionKind
 from skyway.link.protocol.parameter_set import compare_set, read_set, set_text
 from skyway.link.protocol.parameters import REAL32, ParameterValue
 from skyway.link.supervisor.journal.entries import ParameterNote
@@ -18,7 +20,7 @@ from skyway.link.supervisor.journal.file import SCHEMA, Journal
 from skyway.link.vehicle.parameter_restore import restore_set
 from skyway.link.vehicle.vehicle import Vehicle
 from skyway.missions.autopilots.registry import family_named
-from skyway.models.base.errors import CommandRefusedError, InputError
+from skyway.models.base.errors import CommandRefusedError, InputError, VehicleTimeoutError
 from skyway.sim_stub.faults import parse_fault
 
 CHANGED = {"px4": ("MPC_XY_CRUISE", 7.5), "ardupilot": ("RTL_ALT", 4200.0)}
@@ -292,3 +294,26 @@ def test_pymavlink_reads_what_is_saved(tmp_path_factory, values):
     assert theirs.load(str(file), wildcard="*", check=False)
     ours = read_set(file).values
     assert {name: theirs[name] for name in theirs} == ours
+
+
+@pytest.mark.parametrize(
+    "ask",
+    [
+        lambda craft: craft.parameter("SYSID_THISMAV"),
+        lambda craft: craft.parameters(),
+        lambda craft: craft.command("begin", 300),
+        lambda craft: craft.download(MissionKind.MISSION),
+        lambda craft: LogStore(craft, "requests").logs(),
+        lambda craft: LogStore(craft, "ftp").logs(),
+    ],
+)
+def test_a_vehicle_that_does_not_answer_is_told_with_the_time_that_all_tries_took(ask, tmp_path):
+    scene = Aboard("ardupilot", tmp_path)
+    clock = scene.connection.clock
+    scene.vehicle.faults.add(parse_fault("link-loss"), scene.vehicle.sim_s)
+    begun_s = clock.now_s()
+    with pytest.raises(VehicleTimeoutError) as told:
+        ask(scene.craft)
+    took_s = clock.now_s() - begun_s
+    assert took_s > 2.0
+    assert told.value.waited_s == pytest.approx(took_s, rel=0.3)
