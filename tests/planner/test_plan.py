@@ -154,8 +154,15 @@ def test_a_drone_that_is_later_even_at_best_is_not_looked_at_and_says_so(newyork
     )
     wind = newyork.forecast(depart, HORIZON_H)
     chosen = plan(newyork, request, forecast=wind)
-    told = {drone: re.match("at least ([0-9]+) min later", why) for drone, why in chosen.rejected.items()}
-    hopeless = {drone: 60.0 * float(found[1]) for drone, found in told.items() if found is not None}
+    told = {
+        drone: re.match("at least (?:([0-9]+) h )?(?:([0-9]+) min )?later", why)
+        for drone, why in chosen.rejected.items()
+    }
+    hopeless = {
+        drone: 3600.0 * int(found[1] or 0) + 60.0 * int(found[2] or 0)
+        for drone, found in told.items()
+        if found is not None
+    }
     assert hopeless
     assert not looked_at & set(hopeless)
     for drone, later_s in hopeless.items():
