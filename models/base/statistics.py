@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -67,3 +68,18 @@ def drawn_evenly(rng: np.random.Generator, groups: int, each: int) -> NDArray[np
     interval = np.argsort(rng.random((groups, each)), axis=1)
     within = np.argsort(rng.random((each, groups)), axis=1)[interval, np.arange(groups)[:, None]]
     return np.asarray(((interval + (within + rng.random((groups, each))) / groups) / each).ravel())
+
+
+def student(freedom: float) -> float:
+    """Return the number of standard errors from a mean to each end of its interval: Student's t with so many degrees of freedom."""
+    from scipy.special import stdtrit
+
+    return float(stdtrit(freedom, 0.5 + CONFIDENCE / 2.0))
+
+
+def wilson(share: float, runs: float, sigmas: float) -> tuple[float, float]:
+    """Return Wilson's interval of a share in so many independent runs, so many standard errors to each side (Wilson 1927)."""
+    square = sigmas * sigmas / runs
+    middle = (share + square / 2.0) / (1.0 + square)
+    half = sigmas / (1.0 + square) * math.sqrt(share * (1.0 - share) / runs + square / (4.0 * runs))
+    return max(middle - half, 0.0), min(middle + half, 1.0)

@@ -7,10 +7,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from skyway.models.base.statistics import student, wilson
+
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-CONFIDENCE = 0.95
+_MANY = 10**6 - 1
+"""Degrees of freedom with which Student's t is a normal distribution."""
 
 
 def ratio_error(top: NDArray[np.float64], bottom: NDArray[np.float64], wind: NDArray[np.int64]) -> float:
@@ -20,13 +23,6 @@ def ratio_error(top: NDArray[np.float64], bottom: NDArray[np.float64], wind: NDA
     if len(rest) < 2:
         return math.nan
     return math.sqrt(len(rest) / (len(rest) - 1) * float(rest @ rest)) / total
-
-
-def student(winds: int) -> float:
-    """Standard errors from a mean over the winds of so many days to each end of its interval; NaN for one."""
-    from scipy.special import stdtrit
-
-    return float(stdtrit(winds - 1, 0.5 + CONFIDENCE / 2.0)) if winds > 1 else math.nan
 
 
 def share_interval(
@@ -41,11 +37,9 @@ def share_interval(
     if math.isnan(error):
         return math.nan, math.nan
     count = float(orders.sum())
-    share, half = float(some.sum()) / count, student(len(np.unique(wind))) * error
-    square = student(10**6) ** 2 / count
-    middle = (share + square / 2.0) / (1.0 + square)
-    spread = math.sqrt(square * share * (1.0 - share) + square**2 / 4.0) / (1.0 + square)
-    return max(min(share - half, middle - spread), 0.0), min(max(share + half, middle + spread), 1.0)
+    share, half = float(some.sum()) / count, student(len(np.unique(wind)) - 1) * error
+    low, high = wilson(share, count, student(_MANY))
+    return max(min(share - half, low), 0.0), min(max(share + half, high), 1.0)
 
 
 def difference_half_width(more: NDArray[np.float64], hours: NDArray[np.float64], wind: NDArray[np.int64]) -> float:
@@ -54,5 +48,6 @@ def difference_half_width(more: NDArray[np.float64], hours: NDArray[np.float64],
     Numbers that are the same on all days are not certain for that: the standard error is at least that of one order on one of the days.
     """
     error = ratio_error(more, hours, wind)
-    least = 1.0 / float(hours.sum())
-    return student(len(np.unique(wind))) * (math.nan if math.isnan(error) else max(error, least))
+    if math.isnan(error):
+        return math.nan
+    return student(len(np.unique(wind)) - 1) * max(error, 1.0 / float(hours.sum()))

@@ -12,12 +12,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from skyway.models.base.statistics import CONFIDENCE, student, wilson
 from skyway.planner.parameters.evaluation import EvaluationParameters
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-CONFIDENCE = 0.95
 USUAL = EvaluationParameters()
 FEW_DAYS = 8
 """Resamples of fewer days than this hardly differ from each other: intervals are at least those of Student's t."""
@@ -103,7 +103,7 @@ class DayBootstrap:
         if len(self.days) < 2:
             return Estimate(value)
         runs = self._independent_runs(values[known] <= value, self.block[known], q)
-        low_share, high_share = _wilson(q, runs, _student(len(self.days)))
+        low_share, high_share = wilson(q, runs, student(len(self.days) - 1))
         rare = (1.0 - CONFIDENCE) / 2.0
         low = _at_share(ascending, low_share) if (1.0 - q) ** runs <= rare else math.nan
         high = _at_share(ascending, high_share) if q**runs <= rare else math.nan
@@ -141,7 +141,7 @@ class DayBootstrap:
             return Estimate(value)
         low, high = np.quantile(found, [self._tail, 1.0 - self._tail]).tolist()
         if days < FEW_DAYS:
-            half = _student(days) * float(found.std()) * math.sqrt(days / (days - 1))
+            half = student(days - 1) * float(found.std()) * math.sqrt(days / (days - 1))
             least = 0.0 if found.min() >= 0.0 else -math.inf  # no mean of such values is below 0
             low, high = min(low, max(value - half, least)), max(high, value + half)
         return Estimate(value, low, high)
@@ -152,24 +152,10 @@ def _at_share(ascending: NDArray[np.float64], share: float) -> float:
     return float(ascending[min(max(math.ceil(share * len(ascending) - 1e-9) - 1, 0), len(ascending) - 1)])
 
 
-def _wilson(share: float, runs: float, tail: float) -> tuple[float, float]:
-    """Wilson's interval of a share in so many independent runs."""
-    square = tail * tail / runs
-    half = tail * math.sqrt(share * (1.0 - share) / runs + square / (4.0 * runs))
-    return (share + square / 2.0 - half) / (1.0 + square), (share + square / 2.0 + half) / (1.0 + square)
-
-
-def _student(days: int) -> float:
-    """Standard errors from a mean of so many days to each end of its interval."""
-    from scipy.special import stdtrit
-
-    return float(stdtrit(days - 1, 0.5 + CONFIDENCE / 2.0))
-
-
 def _tail(days: int) -> float:
     """Share of resamples beyond each end of an interval."""
     if days < 2:
         return math.nan
     from scipy.special import ndtr
 
-    return float(ndtr(-_student(days) * math.sqrt(days / (days - 1))))
+    return float(ndtr(-student(days - 1) * math.sqrt(days / (days - 1))))

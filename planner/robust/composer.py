@@ -73,21 +73,21 @@ class Composer:
         found = 0
         most_labels = self.parameters.first_route_labels if self._large else math.inf
         for margin in self._margins:
-            itinerary = self._compose(speeds, queues, margin, allowed, most_labels=most_labels, at_once=self._large)
+            itinerary = self._compose(speeds, queues, margin, allowed, most_labels=most_labels)
             if itinerary is not None:
                 found += 1
                 yield itinerary
         if not found:  # there may be a route without any margin; and if so, perhaps with more than none
-            bare = self._compose(speeds, queues, 0.0, allowed, at_once=self._large)
+            bare = self._compose(speeds, queues, 0.0, allowed)
             if bare is None:
                 return
-            cautious = self._compose(speeds, queues, self._short_margin, allowed, at_once=self._large)
+            cautious = self._compose(speeds, queues, self._short_margin, allowed)
             yield from (one for one in (cautious, bare) if one is not None)
         for sample, member in enumerate(evenly(len(p.probability), members).tolist()):
             alone = np.zeros(len(p.probability))
             alone[member] = 1.0
             sampled = p.queue_paths(range(len(p.network)), sample, COMPOSED_IN)
-            itinerary = self._compose(self._speeds(alone), sampled, self._margins[0], allowed, at_once=self._large)
+            itinerary = self._compose(self._speeds(alone), sampled, self._margins[0], allowed)
             if itinerary is not None:
                 yield itinerary
 
@@ -100,7 +100,7 @@ class Composer:
         """Compose the best route of flights so short that hardly any wind makes them too long for the battery, on large networks the best within a few labels."""
         speeds, queues = self._mean_speeds, self._expected_queues
         labels = self.parameters.short_leg_labels if self._large else math.inf
-        return self._compose(speeds, queues, self._short_margin, allowed, most_labels=labels)
+        return self._compose(speeds, queues, self._short_margin, allowed, most_labels=labels, best=True)
 
     def sparing(self, allowed: NDArray[np.bool_]) -> Iterator[Itinerary]:
         """Return routes that save what the objective counts beside time, and early ones if stations close while drones charge; else none."""
@@ -165,14 +165,14 @@ class Composer:
         allowed: NDArray[np.bool_],
         *,
         most_labels: float = math.inf,
-        at_once: bool = False,
+        best: bool = False,
     ) -> Itinerary | None:
-        """Compose the best route within a number of labels, or the first one found: None if none is found within these.
+        """Compose the best route within a number of labels; on large networks the first one found, unless `best`. None if none is found within these.
 
         The first one keeps to labels with spare charge; the best has less for winds other than the mean. A composed
         route is stored: short flights are composed for several comparisons.
         """
-        key = speeds, margin, allowed.tobytes(), most_labels, at_once  # other queues belong to other speeds
+        key = speeds, margin, allowed.tobytes(), most_labels, best  # other queues belong to other speeds
         if key in self._composed:
             return self._composed[key]
 
@@ -183,7 +183,7 @@ class Composer:
                 speeds=speeds,
                 margin_soc_per_s=margin * part.soc_per_s,
                 stops=allowed,
-                time_limit_s=0.0 if at_once else math.inf,
+                time_limit_s=0.0 if self._large and not best else math.inf,
                 most_labels=most_labels,
             )
             found = search.find()

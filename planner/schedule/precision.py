@@ -24,7 +24,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from skyway.models.base.statistics import CONFIDENCE, Figure, weighted_quantile
+from skyway.models.base.statistics import CONFIDENCE, Figure, student, weighted_quantile, wilson
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -106,8 +106,6 @@ class Crossed:
 
     def _errors(self, share: NDArray[np.float64], off: NDArray[Any]) -> tuple[float, float, float]:
         """Standard error, the part that changes with the seed, and the quantile of Student's t for the interval."""
-        from scipy.special import stdtrit
-
         part = share * off
         by_day, days = _between(part, self.day)
         by_queue, queues = _between(part, self.queue)
@@ -122,8 +120,7 @@ class Crossed:
         by_seed = _between(seed_part, self.queue)[0] if queues > 1 else float(seed_part @ seed_part)
         groups = min(count for count in (days, queues, len(part)) if count > 1) if len(part) > 1 else 2
         freedom = float(groups - 1)
-        tail = float(stdtrit(max(freedom, 1.0), 0.5 + CONFIDENCE / 2.0))
-        return math.sqrt(variance), math.sqrt(by_seed), tail
+        return math.sqrt(variance), math.sqrt(by_seed), student(max(freedom, 1.0))
 
     def _of_a_seed(self, share: NDArray[np.float64], part: NDArray[np.float64]) -> NDArray[np.float64]:
         """Parts of a sum that change with the seed: without the common part of all runs of a day, and the part explained by `control`."""
@@ -149,11 +146,7 @@ class Crossed:
         """Wilson's interval of a share whose standard error is known."""
         if error <= 0.0:
             return value, value
-        runs = max(value * (1.0 - value), 1e-12) / error**2
-        square = tail * tail / runs
-        middle = (value + square / 2.0) / (1.0 + square)
-        half = tail / (1.0 + square) * math.sqrt(value * (1.0 - value) / runs + square / (4.0 * runs))
-        return max(middle - half, 0.0), min(middle + half, 1.0)
+        return wilson(value, max(value * (1.0 - value), 1e-12) / error**2, tail)
 
 
 def _between(part: NDArray[np.float64], group: NDArray[np.int64]) -> tuple[float, int]:

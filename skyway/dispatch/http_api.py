@@ -17,6 +17,7 @@ from pydantic import BaseModel, ConfigDict, Field
 from starlette.exceptions import HTTPException as StarletteHTTPException
 
 from skyway.dispatch.requests import (
+    LEDGER_WAIT_S,
     NotCancelledError,
     cancel_order,
     cancellation,
@@ -38,8 +39,6 @@ TOKEN = "SKYWAY_TOKEN"  # noqa: S105  the name of a variable
 LOOPBACK = frozenset({"127.0.0.1", "localhost", "::1"})
 MAX_BODY = 100_000
 WALL_S = 10.0
-LEDGER_WAIT_S = 5.0
-"""How long a request waits for a ledger that another process writes to."""
 SCHEMAS = "#/components/schemas/{model}"
 
 

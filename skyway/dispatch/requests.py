@@ -39,6 +39,9 @@ if TYPE_CHECKING:
     from skyway.models.orders.order import Order
     from skyway.models.scenario.scenario import Scenario
 
+LEDGER_WAIT_S = 5.0
+"""How long a request of a page or a program waits for a ledger that another process writes to; meanwhile others wait for the process that serves it."""
+
 
 def refuse_ended(service: Entry | None) -> None:
     """Refuse a service that has ended, with an `InputError`: it is not resumed, and nobody would act on what it is told."""

@@ -16,6 +16,14 @@ FLEET = ["d1,m200,bellevue,100\n", "d2,m200,nyu-brooklyn,100\n"]
 ORDERS = [order_line("one", "bellevue", "nyu-brooklyn"), order_line("two", "nyu-brooklyn", "bellevue", ready_min=5)]
 
 
+def kill_all_and_start_again(run):
+    """Kill the dispatcher and its workers at once."""
+    for pid in (run.process.pid, *run.workers()):
+        os.kill(pid, signal.SIGKILL)
+    run.process.wait()
+    run.start(orders=False)
+
+
 def test_a_dispatcher_that_is_killed_loses_nothing(tmp_path):
     run = FleetRun(tmp_path, ORDERS, FLEET)
     try:
@@ -37,10 +45,7 @@ def test_a_dispatcher_and_its_worker_killed_after_the_end_of_the_service_leave_n
     try:
         run.start()
         run.look(lambda desk: desk.get("service", "service").state == "ended" and flying(desk))
-        for pid in (run.process.pid, *run.workers()):
-            os.kill(pid, signal.SIGKILL)
-        run.process.wait()
-        run.start(orders=False)
+        kill_all_and_start_again(run)
         run.wait()
     finally:
         run.stop()
@@ -73,10 +78,7 @@ def test_the_dispatcher_and_a_worker_killed_together(tmp_path):
     try:
         run.start()
         run.look(flying)
-        for pid in (run.process.pid, *run.workers()):
-            os.kill(pid, signal.SIGKILL)
-        run.process.wait()
-        run.start(orders=False)
+        kill_all_and_start_again(run)
         run.wait()
     finally:
         run.stop()

@@ -101,7 +101,7 @@ def test_orders_that_can_be_cancelled_are_listed_and_those_that_were_asked_for_s
 
 
 def test_a_locked_ledger_holds_no_process_of_the_page_for_long(tmp_path, monkeypatch):
-    monkeypatch.setattr("skyway.web.work.dispatched.WAIT_S", 0.05)
+    monkeypatch.setattr("skyway.web.work.dispatched.LEDGER_WAIT_S", 0.05)
     path = fleet(tmp_path)
     other = sqlite3.connect(path, isolation_level=None)
     other.execute("BEGIN IMMEDIATE")

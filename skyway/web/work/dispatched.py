@@ -6,7 +6,7 @@ from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
 from skyway.dispatch.attention import alarms
-from skyway.dispatch.requests import cancel_order, cancellation_told, why_not
+from skyway.dispatch.requests import LEDGER_WAIT_S, cancel_order, cancellation_told, why_not
 from skyway.dispatch.status import Status, document_of, status_of
 from skyway.models.base.formatting import natural
 from skyway.models.ledger.desk import Desk
@@ -17,8 +17,6 @@ if TYPE_CHECKING:
     from skyway.dispatch.records import PlanStep
     from skyway.models.scenario.scenario import Scenario
 
-WAIT_S = 5.0
-"""How long a request waits for a ledger that another process writes to; meanwhile other requests wait for its process."""
 MOST_ROWS = 200
 """Number of drones and pads that are drawn; all are in the tables."""
 SHOWN = 1.645
@@ -27,7 +25,7 @@ SHOWN = 1.645
 
 def told(ledger: str, holder: str) -> dict[str, Any]:
     """Return the status of a fleet. Raises an `InputError` if the file is not a ledger, or has no service."""
-    with open_ledger(ledger, create=False, wait_s=WAIT_S) as book:
+    with open_ledger(ledger, create=False, wait_s=LEDGER_WAIT_S) as book:
         desk = Desk(book, holder)
         status, asked = status_of(desk), [one.id for one in desk.entries("cancel", ("asked",))]
     document = document_of(status)
@@ -50,7 +48,7 @@ def _cancellable(status: Status) -> list[str]:
 
 def cancel(ledger: str, holder: str, order: str, by: str) -> dict[str, Any]:
     """Ask the dispatcher of a fleet to cancel an order; returns what became of it, see `cancellation`."""
-    with open_ledger(ledger, create=False, wait_s=WAIT_S) as book:
+    with open_ledger(ledger, create=False, wait_s=LEDGER_WAIT_S) as book:
         desk = Desk(book, holder)
         if cancel_order(desk, order, by) != "asked":
             return {"waits": False, "told": f"{order} was already cancelled"}
@@ -59,7 +57,7 @@ def cancel(ledger: str, holder: str, order: str, by: str) -> dict[str, Any]:
 
 def cancellation(ledger: str, holder: str, order: str) -> dict[str, Any]:
     """Return what became of the request to cancel an order: whether the dispatcher has yet to answer, and words; a `SkywayError` if it was refused."""
-    with open_ledger(ledger, create=False, wait_s=WAIT_S) as book:
+    with open_ledger(ledger, create=False, wait_s=LEDGER_WAIT_S) as book:
         return _answer(Desk(book, holder), order)
 
 
